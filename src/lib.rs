@@ -1,0 +1,5 @@
+//! mapweld welds the occupancy grid maps of many robots into one.
+
+pub mod geometry;
+pub mod grid;
+pub mod registration;

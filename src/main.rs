@@ -1,0 +1,3 @@
+//! The `mapweld` command.
+
+fn main() {}
