@@ -6,6 +6,7 @@
 mod control;
 pub mod methods;
 mod outcome;
+pub mod overlap;
 
 pub use control::{Control, Stop, Unhurried};
 pub use methods::{Method, MethodName, UnknownMethod};
