@@ -1,5 +1,6 @@
 //! mapweld welds the occupancy grid maps of many robots into one.
 
+pub mod cli;
 pub mod geometry;
 pub mod grid;
 pub mod registration;

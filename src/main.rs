@@ -1,3 +1,5 @@
 //! The `mapweld` command.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    mapweld::cli::main()
+}

@@ -1,0 +1,105 @@
+//! What ends a subcommand early, told once and readably.
+
+use std::process::ExitCode;
+
+use super::terminal;
+
+/// Why a subcommand ended without doing its work.
+#[derive(Debug)]
+pub enum Failure {
+    /// The caller's mistake: exit code 2.
+    BadInput(anyhow::Error),
+    /// Anything else: exit code 1.
+    Internal(anyhow::Error),
+    /// Nobody reads our output any more (`mapweld ... | head`): not worth a word.
+    NobodyListens,
+}
+
+impl From<anyhow::Error> for Failure {
+    fn from(error: anyhow::Error) -> Self {
+        Self::Internal(error)
+    }
+}
+
+impl Failure {
+    /// A mistake of the caller that has no error below it.
+    pub fn bad_input(message: impl std::fmt::Display + std::fmt::Debug + Send + Sync + 'static) -> Self {
+        Self::BadInput(anyhow::Error::msg(message))
+    }
+
+    /// Prints the failure with all that caused it, and gives its exit code.
+    #[must_use]
+    pub fn report(&self) -> ExitCode {
+        let (error, code) = match self {
+            Self::BadInput(error) => (error, 2),
+            Self::Internal(error) => (error, 1),
+            Self::NobodyListens => return ExitCode::SUCCESS,
+        };
+        // Nothing is left to be done about a standard error that cannot be written.
+        let _ = terminal::tell(&format!("error: {}", chain(error)));
+        ExitCode::from(code)
+    }
+}
+
+/// The error and its causes on one line, each said once: many errors already repeat their source in their own message.
+fn chain(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain() {
+        let message = cause.to_string();
+        if text.is_empty() {
+            text = message;
+        } else if !text.ends_with(&message) {
+            text.push_str(": ");
+            text.push_str(&message);
+        }
+    }
+    text
+}
+
+/// Marks an error as the caller's mistake, and says what was being done.
+pub trait BadInput<T> {
+    /// The value, or a [`Failure::BadInput`] that starts with `what`.
+    ///
+    /// # Errors
+    /// When `self` is an error.
+    fn bad_input<W>(self, what: impl FnOnce() -> W) -> Result<T, Failure>
+    where
+        W: std::fmt::Display + Send + Sync + 'static;
+}
+
+impl<T, E> BadInput<T> for Result<T, E>
+where
+    E: Into<anyhow::Error>,
+{
+    fn bad_input<W>(self, what: impl FnOnce() -> W) -> Result<T, Failure>
+    where
+        W: std::fmt::Display + Send + Sync + 'static,
+    {
+        self.map_err(|error| Failure::BadInput(error.into().context(what())))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::Context;
+
+    #[test]
+    fn every_cause_is_told_once() {
+        let error = std::io::Error::other("the disk is full");
+        let error = Err::<(), _>(error)
+            .context("cannot write b: the disk is full")
+            .context("cannot save a")
+            .expect_err("made from an error");
+        assert_eq!(chain(&error), "cannot save a: cannot write b: the disk is full");
+    }
+
+    #[test]
+    fn a_bad_input_starts_with_what_was_being_done() {
+        let parsed = "x".parse::<u8>().bad_input(|| "cannot read the number");
+        let Err(Failure::BadInput(error)) = parsed else {
+            panic!("x is not a number")
+        };
+        assert_eq!(chain(&error), "cannot read the number: invalid digit found in string");
+    }
+}

@@ -1,0 +1,105 @@
+//! The command line: one file a subcommand. The only room that prints, and that reads files and the environment.
+//! May import everything.
+//!
+//! Exit codes, the same for every subcommand: 0 done; 1 something failed that is not the caller's fault; 2 bad input,
+//! from an unknown option to a map that cannot be decoded; 3 done, but some maps were not placed.
+
+mod failure;
+mod stopwatch;
+mod terminal;
+
+pub use failure::{BadInput, Failure};
+pub use stopwatch::Stopwatch;
+pub use terminal::{say, tell};
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Welds the occupancy grid maps of many robots into one.
+#[derive(Debug, Parser)]
+#[command(name = "mapweld", version, arg_required_else_help = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {}
+
+/// How a subcommand ended when it did not fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Done {
+    /// All that was asked for.
+    Entirely,
+    /// The work was done, and some maps have no place in the result.
+    SomeNotPlaced,
+}
+
+impl From<Done> for ExitCode {
+    fn from(done: Done) -> Self {
+        match done {
+            Done::Entirely => Self::SUCCESS,
+            Done::SomeNotPlaced => Self::from(3),
+        }
+    }
+}
+
+/// Parses the arguments of this process, runs the subcommand, and tells how it went.
+#[must_use]
+pub fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(refusal) => {
+            let shown = refusal.print();
+            let asked_for_help = !refusal.use_stderr();
+            return if asked_for_help && shown.is_ok() {
+                ExitCode::SUCCESS
+            } else {
+                ExitCode::from(2)
+            };
+        }
+    };
+    match cli.command.run() {
+        Ok(done) => done.into(),
+        Err(failure) => failure.report(),
+    }
+}
+
+impl Command {
+    fn run(self) -> Result<Done, Failure> {
+        match self {}
+    }
+}
+
+/// Runs `work` in a pool of `threads` threads, or in one as wide as the machine when none are named.
+///
+/// # Errors
+/// When the threads cannot be started.
+pub fn in_pool<T: Send>(
+    threads: Option<std::num::NonZeroUsize>,
+    work: impl FnOnce() -> T + Send,
+) -> Result<T, Failure> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.map_or(0, std::num::NonZeroUsize::get))
+        .build()
+        .map_err(anyhow::Error::from)?;
+    Ok(pool.install(work))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn the_pool_has_as_many_threads_as_asked_for() {
+        let threads = in_pool(std::num::NonZeroUsize::new(2), rayon::current_num_threads).expect("two threads start");
+        assert_eq!(threads, 2);
+    }
+}
