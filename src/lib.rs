@@ -1,6 +1,7 @@
 //! mapweld welds the occupancy grid maps of many robots into one.
 
 pub mod cli;
+pub mod codec;
 pub mod geometry;
 pub mod grid;
 pub mod registration;
