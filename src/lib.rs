@@ -2,6 +2,7 @@
 
 pub mod cli;
 pub mod codec;
+pub mod fusion;
 pub mod geometry;
 pub mod grid;
 pub mod registration;

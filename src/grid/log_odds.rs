@@ -116,6 +116,37 @@ impl LogOdds {
     }
 }
 
+/// A sum of the log odds of many maps that saturates only when it is read: the same total in any order, however many
+/// maps there are. (A chain of [`LogOdds::fused_with`] may depend on the order once it has touched the limit.)
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LogOddsSum {
+    quanta: i32,
+    known: bool,
+}
+
+impl LogOddsSum {
+    /// Adds what one map says (paper eq. 14); unknown adds nothing.
+    #[inline]
+    pub fn add(&mut self, seen: LogOdds) {
+        if seen.is_known() {
+            self.quanta += i32::from(seen.0); // 65,000 maps at the limit fit
+            self.known = true;
+        }
+    }
+
+    /// What all maps say together; unknown when none of them knew anything.
+    #[must_use]
+    #[inline]
+    #[expect(clippy::cast_possible_truncation, reason = "clamped to the range of i16 just before")]
+    pub fn total(self) -> LogOdds {
+        if self.known {
+            LogOdds(self.quanta.clamp(i32::from(-LIMIT), i32::from(LIMIT)) as i16)
+        } else {
+            LogOdds::UNKNOWN
+        }
+    }
+}
+
 /// `ln(0.996 / 0.004)` in quanta.
 const SURE: i16 = 706;
 
@@ -156,6 +187,24 @@ mod tests {
         fn log_odds_add_as_numbers_do(a in -100.0..100.0_f64, b in -100.0..100.0_f64) {
             let sum = LogOdds::from_value(a).fused_with(LogOdds::from_value(b)).value().expect("known");
             prop_assert!((sum - (a + b)).abs() <= 1.0 / 128.0 + 1e-12);
+        }
+
+        #[test]
+        fn a_sum_of_many_maps_does_not_depend_on_their_order(mut values in proptest::collection::vec(any_log_odds(), 1..9)) {
+            let total = |values: &[LogOdds]| {
+                let mut sum = LogOddsSum::default();
+                for &value in values {
+                    sum.add(value);
+                }
+                sum.total()
+            };
+            let before = total(&values);
+            values.reverse();
+            prop_assert_eq!(total(&values), before);
+            prop_assert_eq!(total(&values[..1]), values[0]);
+            if let [first, second] = values[..] {
+                prop_assert_eq!(before, first.fused_with(second));
+            }
         }
 
         #[test]

@@ -9,8 +9,8 @@ mod resample;
 use std::collections::TryReserveError;
 
 pub use lattice::{Lattice, LatticeError};
-pub use log_odds::{CellState, LogOdds};
-pub use resample::{resample, resample_onto};
+pub use log_odds::{CellState, LogOdds, LogOddsSum};
+pub use resample::{Sampler, resample, resample_onto};
 
 /// An occupancy grid map (paper section 3.2): one [`LogOdds`] a cell, row 0 the lowest row, on a [`Lattice`].
 ///
