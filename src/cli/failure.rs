@@ -27,6 +27,16 @@ impl Failure {
         Self::BadInput(anyhow::Error::msg(message))
     }
 
+    /// The same failure, with what was being done in front.
+    #[must_use]
+    pub fn while_doing(self, what: impl std::fmt::Display + Send + Sync + 'static) -> Self {
+        match self {
+            Self::BadInput(error) => Self::BadInput(error.context(what)),
+            Self::Internal(error) => Self::Internal(error.context(what)),
+            Self::NobodyListens => Self::NobodyListens,
+        }
+    }
+
     /// Prints the failure with all that caused it, and gives its exit code.
     #[must_use]
     pub fn report(&self) -> ExitCode {

@@ -13,6 +13,7 @@ pub struct Stopwatch {
 impl Stopwatch {
     /// Starts now.
     #[must_use]
+    #[expect(clippy::disallowed_methods, reason = "commands read the clock themselves")]
     pub fn start() -> Self {
         Self {
             started: Instant::now(),
