@@ -5,4 +5,5 @@ pub mod codec;
 pub mod fusion;
 pub mod geometry;
 pub mod grid;
+pub mod model;
 pub mod registration;

@@ -73,6 +73,23 @@ impl LogOdds {
         Self((value * QUANTA).round().clamp(f64::from(-LIMIT), f64::from(LIMIT)) as i16)
     }
 
+    /// The cell as it is kept in files: whole quanta of 1/128, unknown as the least number of 16 bits.
+    #[must_use]
+    #[inline]
+    pub fn to_bits(self) -> i16 {
+        self.0
+    }
+
+    /// The cell that was kept as `bits`; numbers beyond +-255 saturate.
+    #[must_use]
+    #[inline]
+    pub fn from_bits(bits: i16) -> Self {
+        match bits {
+            NOTHING => Self::UNKNOWN,
+            bits => Self(bits.clamp(-LIMIT, LIMIT)),
+        }
+    }
+
     /// The log odds, `None` for unknown.
     #[must_use]
     pub fn value(self) -> Option<f64> {
@@ -181,6 +198,12 @@ mod tests {
         fn fusing_is_commutative_and_unknown_is_its_neutral_element(a in any_log_odds(), b in any_log_odds()) {
             prop_assert_eq!(a.fused_with(b), b.fused_with(a));
             prop_assert_eq!(a.fused_with(LogOdds::UNKNOWN), a);
+        }
+
+        #[test]
+        fn a_cell_survives_its_bits(cell in any_log_odds(), bits in proptest::num::i16::ANY) {
+            prop_assert_eq!(LogOdds::from_bits(cell.to_bits()), cell);
+            prop_assert_eq!(LogOdds::from_bits(bits).is_known(), bits != i16::MIN);
         }
 
         #[test]

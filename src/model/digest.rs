@@ -1,0 +1,172 @@
+//! Content is known by its SHA-256.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest as _, Sha256};
+use utoipa::ToSchema;
+
+use super::Invalid;
+use crate::grid::OccupancyGrid;
+
+/// A SHA-256. Written as 64 small hexadecimal digits.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, ToSchema)]
+#[serde(try_from = "String", into = "String")]
+#[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
+pub struct Digest([u8; 32]);
+
+impl Digest {
+    /// The digest of some bytes.
+    #[must_use]
+    pub fn of_bytes(bytes: &[u8]) -> Self {
+        Self(Sha256::digest(bytes).into())
+    }
+
+    /// The digest of a map's content: its lattice and every cell, whatever file it came in.
+    ///
+    /// Hashed: width and height (u32), resolution, origin x, y and yaw (f64), then each cell from the lowest row on
+    /// (its log odds in whole quanta as i16, unknown as the least i16), all little-endian.
+    #[must_use]
+    pub fn of_grid(grid: &OccupancyGrid) -> Self {
+        let lattice = grid.lattice();
+        let mut hash = Sha256::new();
+        hash.update(lattice.width().to_le_bytes());
+        hash.update(lattice.height().to_le_bytes());
+        let origin = lattice.origin();
+        for number in [lattice.resolution(), origin.x(), origin.y(), origin.yaw().radians()] {
+            // -0.0 and 0.0 are one number
+            hash.update((number + 0.0).to_le_bytes());
+        }
+        let mut bytes = Vec::with_capacity(2 * lattice.width() as usize);
+        for row in 0..lattice.height() {
+            bytes.clear();
+            bytes.extend(grid.row(row).iter().flat_map(|cell| cell.to_bits().to_le_bytes()));
+            hash.update(&bytes);
+        }
+        Self(hash.finalize().into())
+    }
+
+    /// The 32 bytes.
+    #[must_use]
+    pub fn as_bytes(&self) -> &[u8; 32] {
+        &self.0
+    }
+
+    /// A digest of these bytes; `None` unless there are 32.
+    #[must_use]
+    pub fn from_slice(bytes: &[u8]) -> Option<Self> {
+        bytes.try_into().ok().map(Self)
+    }
+}
+
+impl fmt::Display for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+impl fmt::Debug for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Digest({self})")
+    }
+}
+
+impl FromStr for Digest {
+    type Err = Invalid;
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        let bad = || Invalid::new("digest", text, "64 small hexadecimal digits");
+        let digit = |byte: u8| match byte {
+            b'0'..=b'9' => Some(byte - b'0'),
+            b'a'..=b'f' => Some(byte - b'a' + 10),
+            _ => None,
+        };
+        let (pairs, rest) = text.as_bytes().as_chunks::<2>();
+        if pairs.len() != 32 || !rest.is_empty() {
+            return Err(bad());
+        }
+        let mut bytes = [0; 32];
+        for (byte, &[high, low]) in bytes.iter_mut().zip(pairs) {
+            *byte = digit(high).zip(digit(low)).map(|(h, l)| h << 4 | l).ok_or_else(bad)?;
+        }
+        Ok(Self(bytes))
+    }
+}
+
+impl TryFrom<String> for Digest {
+    type Error = Invalid;
+    fn try_from(text: String) -> Result<Self, Invalid> {
+        text.parse()
+    }
+}
+
+impl From<Digest> for String {
+    fn from(digest: Digest) -> Self {
+        digest.to_string()
+    }
+}
+
+/// Where a blob is kept: the digest of its bytes.
+///
+/// A key is only ever computed, so no path from outside can reach the folder of blobs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct BlobKey(pub Digest);
+
+impl BlobKey {
+    /// The key that these bytes are kept under.
+    #[must_use]
+    pub fn of(bytes: &[u8]) -> Self {
+        Self(Digest::of_bytes(bytes))
+    }
+}
+
+impl fmt::Display for BlobKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let hex = self.0.to_string();
+        write!(f, "sha256/{}/{}", &hex[..2], &hex[2..])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Angle, Pose2};
+    use crate::grid::{Lattice, LogOdds};
+
+    #[test]
+    fn a_digest_survives_its_text() {
+        let digest = Digest::of_bytes(b"abc");
+        assert!(digest.to_string().starts_with("ba7816bf8f01cfea"));
+        assert_eq!(digest.to_string().parse::<Digest>().expect("parses"), digest);
+        for bad in [
+            "",
+            "ba78",
+            &"g".repeat(64),
+            &digest.to_string().to_uppercase(),
+            &format!("{digest}0"),
+        ] {
+            assert!(bad.parse::<Digest>().is_err(), "{bad:?}");
+        }
+    }
+
+    #[test]
+    fn a_map_is_known_by_its_lattice_and_every_cell() {
+        let lattice = |x| Lattice::new(3, 2, 0.05, Pose2::new(x, 0.0, Angle::ZERO)).expect("valid");
+        let grid = OccupancyGrid::unknown(lattice(0.0));
+        let mut seen = grid.clone();
+        seen.cells_mut()[4] = LogOdds::FREE;
+        let moved = OccupancyGrid::unknown(lattice(1.0));
+        assert_eq!(
+            Digest::of_grid(&grid),
+            Digest::of_grid(&OccupancyGrid::unknown(lattice(-0.0)))
+        );
+        assert_ne!(Digest::of_grid(&grid), Digest::of_grid(&seen));
+        assert_ne!(Digest::of_grid(&grid), Digest::of_grid(&moved));
+    }
+
+    #[test]
+    fn a_blob_lies_in_a_folder_of_its_first_two_digits() {
+        let key = BlobKey::of(b"abc").to_string();
+        assert!(key.starts_with("sha256/ba/7816bf8f"), "{key}");
+    }
+}
