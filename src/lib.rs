@@ -3,7 +3,10 @@
 pub mod cli;
 pub mod codec;
 pub mod fusion;
+pub mod clock;
 pub mod geometry;
 pub mod grid;
 pub mod model;
 pub mod registration;
+#[cfg(feature = "server")]
+pub mod store;

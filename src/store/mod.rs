@@ -1,0 +1,411 @@
+//! The store: records and the queue, kept. One method of [`Store`] is one transaction and one use case.
+//!
+//! Imports `geometry`, `grid`, `registration`, `model` and `clock`. Time and ids are handed in, so that every clause of
+//! the protocol is tested with explicit times.
+//!
+//! The protocol of the queue:
+//!
+//! 1. [`Store::claim_job`] leases a job that is due, or one whose lease has expired, to one worker, and makes a new
+//!    token. Jobs of one session run one after the other, so that a later version never has older maps.
+//! 2. The worker renews the lease while it computes ([`Store::renew_lease`]) and learns there that it shall stop.
+//! 3. Everything that it writes is fenced by the token: when somebody else has claimed the job since, nothing is changed
+//!    and the answer is [`StoreError::LeaseLost`]. The result is dropped.
+//! 4. [`Store::publish_version`] is one transaction: the version and the end of the job. So a job may run more than once
+//!    and takes effect exactly once.
+
+use std::time::Duration;
+
+use async_trait::async_trait;
+use tokio::sync::broadcast;
+
+use crate::model::{
+    BlobKey, Digest, Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, NewMap, ResultText, RobotId,
+    RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionInput,
+    VersionNumber, VersionSelector,
+};
+
+/// Where records and the queue are kept. Every back end passes the same contract suite
+/// (`tests/service/store_contract.rs`).
+#[async_trait]
+pub trait Store: Send + Sync {
+    // Sessions
+
+    /// Makes a session. When it is there already with the settings that are asked for, it is answered as it stands.
+    ///
+    /// # Errors
+    /// [`StoreError::SessionExists`] when it is there with other settings.
+    async fn create_session(
+        &self,
+        id: &SessionId,
+        settings: &SessionSettings,
+        now: Timestamp,
+    ) -> Result<Created<Session>, StoreError>;
+
+    /// One session.
+    async fn get_session(&self, id: &SessionId) -> Result<Session, StoreError>;
+
+    /// Sessions by name.
+    async fn list_sessions(&self, page: &Page<SessionId>) -> Result<Vec<Session>, StoreError>;
+
+    /// Changes the settings of a session.
+    async fn patch_session(&self, id: &SessionId, patch: SessionPatch, now: Timestamp) -> Result<Session, StoreError>;
+
+    /// Deletes a session with everything that belongs to it. A job that runs for it loses its lease.
+    async fn delete_session(&self, id: &SessionId) -> Result<(), StoreError>;
+
+    /// The robots that have pushed to a session, by name.
+    async fn list_robots(&self, session: &SessionId) -> Result<Vec<RobotSummary>, StoreError>;
+
+    // Maps
+
+    /// Adds a map to its session and, when the session merges by itself, makes sure that a job will take it in: one
+    /// that is queued and not begun takes it along, otherwise exactly one is added. The same content from the same
+    /// robot again changes nothing and answers the map that is there. The first robot becomes the anchor.
+    ///
+    /// The blob must be durable before.
+    ///
+    /// # Errors
+    /// [`StoreError::QueueFull`] when it would need one job more than the queue holds; the map is then not added.
+    async fn add_map_and_enqueue(&self, add: AddMap, now: Timestamp) -> Result<Added, StoreError>;
+
+    /// Maps of a session, newest first, of one robot if it is named.
+    async fn list_maps(
+        &self,
+        session: &SessionId,
+        robot: Option<&RobotId>,
+        page: &Page<MapId>,
+    ) -> Result<Vec<MapRecord>, StoreError>;
+
+    /// One map of a session.
+    async fn get_map(&self, session: &SessionId, map: MapId) -> Result<MapRecord, StoreError>;
+
+    /// The newest map of each robot, by robot: what a merge takes.
+    async fn newest_maps(&self, session: &SessionId) -> Result<Vec<MapRecord>, StoreError>;
+
+    // Jobs, for those who ask
+
+    /// Asks for a merge now.
+    ///
+    /// # Errors
+    /// [`StoreError::QueueFull`].
+    async fn enqueue_merge(
+        &self,
+        session: &SessionId,
+        job: JobId,
+        request: MergeRequest,
+        now: Timestamp,
+    ) -> Result<Job, StoreError>;
+
+    /// One job.
+    async fn get_job(&self, job: JobId) -> Result<Job, StoreError>;
+
+    /// Jobs of a session, newest first.
+    async fn list_jobs(&self, session: &SessionId, page: &Page<JobId>) -> Result<Vec<Job>, StoreError>;
+
+    /// Ends a queued job, asks a running one to end, leaves an ended one as it is.
+    async fn cancel_job(&self, job: JobId, now: Timestamp) -> Result<Job, StoreError>;
+
+    /// How much work waits and runs.
+    async fn queue_depth(&self) -> Result<QueueDepth, StoreError>;
+
+    // Jobs, for those who do them
+
+    /// Leases the job that has been due longest to `owner` until `now + lease`, if there is one to do. Jobs whose lease
+    /// has expired count as due; those of them that have no attempt left are parked as failed, those that were to be
+    /// cancelled are cancelled.
+    async fn claim_job(&self, owner: &str, lease: Duration, now: Timestamp) -> Result<Option<Claim>, StoreError>;
+
+    /// Holds the lease until `now + lease`, tells how far the work is, and asks whether to go on.
+    async fn renew_lease(
+        &self,
+        lease: &Lease,
+        hold: Duration,
+        report: &ProgressReport,
+        now: Timestamp,
+    ) -> Result<Renewed, StoreError>;
+
+    /// Publishes what a job found as the next version of its session and ends the job.
+    async fn publish_version(&self, lease: &Lease, version: NewVersion, now: Timestamp) -> Result<Version, StoreError>;
+
+    /// Ends a dry run with what it found.
+    async fn finish_dry_run(
+        &self,
+        lease: &Lease,
+        result: &ResultText,
+        timings: &[StageSeconds],
+        now: Timestamp,
+    ) -> Result<(), StoreError>;
+
+    /// Ends an attempt that failed: the job goes back to the queue, or is over when `retry` says so or no attempt is
+    /// left.
+    async fn fail_job(
+        &self,
+        lease: &Lease,
+        error: &JobError,
+        retry: Retry,
+        now: Timestamp,
+    ) -> Result<JobState, StoreError>;
+
+    /// Ends a job that was asked to end.
+    async fn finish_cancelled(&self, lease: &Lease, now: Timestamp) -> Result<(), StoreError>;
+
+    /// Gives a job back to the queue as if it had not been begun: for a worker that stops.
+    async fn release_job(&self, lease: &Lease, now: Timestamp) -> Result<(), StoreError>;
+
+    // Versions
+
+    /// Versions of a session, newest first.
+    async fn list_versions(&self, session: &SessionId, page: &Page<VersionNumber>) -> Result<Vec<Version>, StoreError>;
+
+    /// One version of a session.
+    async fn get_version(&self, session: &SessionId, version: VersionSelector) -> Result<Version, StoreError>;
+
+    // The store itself
+
+    /// Whether records can be written right now.
+    async fn check(&self) -> Result<(), StoreError>;
+
+    /// Is told of every change from now on, as soon as it is committed. A reader that lags, or misses one, reads the
+    /// store again: changes are a wake-up, not a record.
+    fn changes(&self) -> broadcast::Receiver<Change>;
+}
+
+/// What was asked for and whether it was made just now.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Created<T> {
+    /// What stands now.
+    pub value: T,
+    /// Whether this call made it.
+    pub created: bool,
+}
+
+/// A part of a list: at most `size` entries that come after the key `after` in the list's order.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Page<K> {
+    /// The last key of the page before; none for the first page.
+    pub after: Option<K>,
+    /// The most entries.
+    pub size: u32,
+}
+
+impl<K> Page<K> {
+    /// The first `size` entries.
+    #[must_use]
+    pub fn first(size: u32) -> Self {
+        Self { after: None, size }
+    }
+}
+
+/// A map to be added.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AddMap {
+    /// The session.
+    pub session: SessionId,
+    /// Makes the session with these settings when it is not there; otherwise that is an error.
+    pub create_session: Option<SessionSettings>,
+    /// The robot.
+    pub robot: RobotId,
+    /// The map's id, if it is new.
+    pub id: MapId,
+    /// The job's id, if one is needed.
+    pub job: JobId,
+    /// The map.
+    pub map: NewMap,
+}
+
+/// What became of a map that was to be added.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Added {
+    /// The map that stands now.
+    pub map: MapRecord,
+    /// Whether it is new.
+    pub created: bool,
+    /// The job that takes it in, or took it in; none when the session does not merge by itself.
+    pub job: Option<JobId>,
+}
+
+/// A job in the hands of one worker.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Claim {
+    /// What every later write of the worker shows.
+    pub lease: Lease,
+    /// The job as it was claimed.
+    pub job: Job,
+}
+
+/// The right to write about a job, as long as nobody else has claimed it since.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Lease {
+    /// The job.
+    pub job: JobId,
+    /// Grows with every claim of the job.
+    pub token: u64,
+}
+
+/// How far a job is.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ProgressReport {
+    /// What is being done.
+    pub stage: Option<String>,
+    /// How much is done, in [0, 1].
+    pub progress: f64,
+}
+
+/// The answer to a worker that holds on to its lease.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Renewed {
+    /// Whether somebody has asked for the job to end.
+    pub cancel_requested: bool,
+}
+
+/// What happens to a job whose attempt failed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Retry {
+    /// Try again after this long, if an attempt is left.
+    After(Duration),
+    /// It would fail again.
+    Never,
+}
+
+/// What a job found, to be published.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NewVersion {
+    /// The robot whose map frame it is told in.
+    pub anchor: RobotId,
+    /// The maps that went in, one a robot, ordered by robot.
+    pub inputs: Vec<VersionInput>,
+    /// What is placed where and why.
+    pub result: ResultText,
+    /// The cells of the fused map.
+    pub grid: BlobKey,
+    /// The fused map as a picture for map servers.
+    pub png: BlobKey,
+    /// Each robot in its own colour.
+    pub overlay: BlobKey,
+    /// The content of the fused map.
+    pub digest: Digest,
+    /// How long each stage took.
+    pub timings: Vec<StageSeconds>,
+}
+
+/// How much work there is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct QueueDepth {
+    /// Jobs that wait.
+    pub queued: u32,
+    /// Jobs that are leased.
+    pub running: u32,
+}
+
+/// How many jobs may wait.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct QueueLimits {
+    /// For one session.
+    pub per_session: u32,
+    /// In all.
+    pub total: u32,
+    /// How often a job is begun before it is parked as failed.
+    pub max_attempts: u32,
+}
+
+impl Default for QueueLimits {
+    fn default() -> Self {
+        Self {
+            per_session: 32,
+            total: 1024,
+            max_attempts: 3,
+        }
+    }
+}
+
+/// Something that has changed in the store.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Change {
+    /// A session was made, changed or deleted.
+    Session(SessionId),
+    /// A map was added.
+    Map(SessionId, MapId),
+    /// A job has a new state, stage or progress.
+    Job(SessionId, JobId, JobState),
+    /// A version was published.
+    Version(SessionId, VersionNumber),
+}
+
+impl Change {
+    /// The session that it is about.
+    #[must_use]
+    pub fn session(&self) -> &SessionId {
+        match self {
+            Self::Session(session) | Self::Map(session, _) | Self::Job(session, ..) | Self::Version(session, _) => {
+                session
+            }
+        }
+    }
+}
+
+/// Why the store did not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// There is no such record.
+    #[error("{0} does not exist")]
+    NotFound(Missing),
+    /// The session is there, with other settings than asked for.
+    #[error("session {0} exists with other settings; change them with PATCH")]
+    SessionExists(SessionId),
+    /// The queue holds no further job.
+    #[error("the queue of {scope} is full: {queued} jobs wait, the limit is {limit}; try again later")]
+    QueueFull {
+        /// Whose queue.
+        scope: QueueScope,
+        /// Jobs that wait.
+        queued: u32,
+        /// The most that may wait.
+        limit: u32,
+    },
+    /// Somebody else has the job now, or it is over.
+    #[error("the lease of job {0} is lost: it was claimed again, ended, or deleted with its session")]
+    LeaseLost(JobId),
+    /// Another process has the files open.
+    #[error("{path} is in use by another process; SQLite serves one process at a time")]
+    InUse {
+        /// The lock file.
+        path: String,
+    },
+    /// The store is out of reach or out of room right now: worth trying again.
+    #[error("the store cannot be reached right now: {0}")]
+    Unavailable(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// What was read is not what was written.
+    #[error("the store is damaged: {0}")]
+    Damaged(String),
+}
+
+/// A record that is not there.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Missing {
+    /// No such session.
+    #[error("session {0}")]
+    Session(SessionId),
+    /// No such map in the session.
+    #[error("map {1} of session {0}")]
+    Map(SessionId, MapId),
+    /// No such job.
+    #[error("job {0}")]
+    Job(JobId),
+    /// No such version of the session.
+    #[error("version {1} of session {0}")]
+    Version(SessionId, VersionSelector),
+    /// No such blob.
+    #[error("blob {0}")]
+    Blob(BlobKey),
+}
+
+/// Which bound of the queue was met.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum QueueScope {
+    /// That of one session.
+    #[error("session {0}")]
+    Session(SessionId),
+    /// That of all sessions together.
+    #[error("the service")]
+    Total,
+}
