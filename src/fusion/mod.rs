@@ -8,6 +8,8 @@
 
 mod conflicts;
 mod fuse;
+mod names;
 
 pub use conflicts::{Conflicts, Votes};
 pub use fuse::{FuseError, FuseOptions, Fused, PlacedMap, fuse};
+pub use names::distinct_names;
