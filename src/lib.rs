@@ -1,9 +1,10 @@
 //! mapweld welds the occupancy grid maps of many robots into one.
 
+pub mod api;
 pub mod cli;
+pub mod clock;
 pub mod codec;
 pub mod fusion;
-pub mod clock;
 pub mod geometry;
 pub mod grid;
 pub mod model;

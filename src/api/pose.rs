@@ -1,0 +1,82 @@
+//! Poses and lattices on the wire.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use crate::geometry::Pose2;
+use crate::grid::{Lattice, StateCounts};
+
+/// A pose in the plane: metres and radians, x right, y up, counter-clockwise (REP 103).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+#[schema(example = json!({ "x": 12.5, "y": -3.25, "yaw": 1.5708 }))]
+pub struct Pose {
+    /// Metres along x.
+    pub x: f64,
+    /// Metres along y.
+    pub y: f64,
+    /// Radians, in (-pi, pi].
+    pub yaw: f64,
+}
+
+impl From<Pose2> for Pose {
+    fn from(pose: Pose2) -> Self {
+        Self {
+            x: pose.x(),
+            y: pose.y(),
+            yaw: pose.yaw().radians(),
+        }
+    }
+}
+
+impl Pose {
+    /// The pose to compute with; `None` unless its numbers are finite.
+    #[must_use]
+    pub fn to_pose2(self) -> Option<Pose2> {
+        Pose2::parse(self.x, self.y, self.yaw)
+    }
+}
+
+/// How many cells of a map are in each state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct CellCounts {
+    /// Cells that nobody has seen, or that are seen but undecided.
+    pub unknown: usize,
+    /// Free cells.
+    pub free: usize,
+    /// Occupied cells.
+    pub occupied: usize,
+}
+
+impl From<StateCounts> for CellCounts {
+    fn from(counts: StateCounts) -> Self {
+        Self {
+            unknown: counts.unknown,
+            free: counts.free,
+            occupied: counts.occupied,
+        }
+    }
+}
+
+/// Where the cells of a map lie.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct LatticeInfo {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Side of a cell in metres.
+    pub resolution: f64,
+    /// Pose of the lower-left corner of cell (0, 0) in the map's frame.
+    pub origin: Pose,
+}
+
+impl From<&Lattice> for LatticeInfo {
+    fn from(lattice: &Lattice) -> Self {
+        Self {
+            width: lattice.width(),
+            height: lattice.height(),
+            resolution: lattice.resolution(),
+            origin: lattice.origin().into(),
+        }
+    }
+}

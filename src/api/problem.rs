@@ -1,0 +1,210 @@
+//! Errors on the wire: RFC 9457 problem details.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// The media type of a [`Problem`].
+pub const PROBLEM_JSON: &str = "application/problem+json";
+
+/// Every answer with a status of 400 or more, as `application/problem+json` (RFC 9457).
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[schema(example = json!({
+    "type": "about:blank",
+    "title": "The request has a value that is not allowed",
+    "status": 422,
+    "detail": "resolution must lie within 0.001 and 100 m/cell",
+    "instance": "/v1/sessions/warehouse/robots/r1/maps",
+    "code": "invalid_request",
+    "request_id": "01939f3e-7a52-7c1e-b5e6-3d8f0f6f2a10",
+    "errors": [{ "field": "resolution", "value": "0", "limit": "0.001 to 100 m/cell" }]
+}))]
+pub struct Problem {
+    /// A URI of the kind of problem; always `about:blank`: `code` tells the kinds apart.
+    #[serde(rename = "type")]
+    pub kind: String,
+    /// The kind of problem in words; the same for the same `code`.
+    pub title: String,
+    /// The HTTP status.
+    pub status: u16,
+    /// This occurrence in words.
+    pub detail: String,
+    /// The path that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instance: Option<String>,
+    /// The kind of problem for programs; stable.
+    pub code: ProblemCode,
+    /// The id of the request, as in the header `x-request-id` and in the server's log.
+    #[serde(default)]
+    pub request_id: String,
+    /// Which fields were wrong.
+    #[serde(default)]
+    pub errors: Vec<FieldError>,
+}
+
+/// A field that was wrong.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct FieldError {
+    /// Name of the query or path parameter, header, multipart part, or path to the JSON member.
+    pub field: String,
+    /// The value that was sent, shortened; absent when the field was missing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<String>,
+    /// What would have been allowed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limit: Option<String>,
+}
+
+impl FieldError {
+    /// The longest value that is repeated to the caller, in characters.
+    pub const VALUE_MAX: usize = 120;
+
+    /// A field with the value that it had and what is allowed.
+    pub fn new(field: impl Into<String>, value: impl ToString, limit: impl Into<String>) -> Self {
+        Self {
+            field: field.into(),
+            value: Some(value.to_string().chars().take(Self::VALUE_MAX).collect()),
+            limit: Some(limit.into()),
+        }
+    }
+
+    /// A field that is missing, and what is expected of it.
+    pub fn missing(field: impl Into<String>, limit: impl Into<String>) -> Self {
+        Self {
+            field: field.into(),
+            value: None,
+            limit: Some(limit.into()),
+        }
+    }
+}
+
+macro_rules! problem_codes {
+    ($($(#[$doc:meta])* $name:ident = $status:literal, $title:literal;)*) => {
+        /// The kinds of problem.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
+        #[serde(rename_all = "snake_case")]
+        pub enum ProblemCode {
+            $($(#[$doc])* $name,)*
+            /// A kind that this version of the client does not know.
+            #[serde(other)]
+            Unknown,
+        }
+
+        impl ProblemCode {
+            /// Every kind that the server answers with.
+            pub const ALL: &'static [Self] = &[$(Self::$name),*];
+
+            /// The HTTP status that goes with it.
+            #[must_use]
+            pub fn status(self) -> u16 {
+                match self {
+                    $(Self::$name => $status,)*
+                    Self::Unknown => 500,
+                }
+            }
+
+            /// It in words.
+            #[must_use]
+            pub fn title(self) -> &'static str {
+                match self {
+                    $(Self::$name => $title,)*
+                    Self::Unknown => "An unknown problem",
+                }
+            }
+        }
+    };
+}
+
+problem_codes! {
+    /// The request cannot be read as HTTP or breaks a rule that has no code of its own.
+    BadRequest = 400, "The request is malformed";
+    /// The body is no JSON.
+    MalformedJson = 400, "The body is not JSON";
+    /// The body is no multipart/form-data, or its parts do not belong together.
+    MalformedMultipart = 400, "The multipart body is malformed";
+    /// The query has an unknown, missing or unreadable parameter.
+    InvalidQuery = 400, "The query is not understood";
+    /// A part of the path has not the form that it must have.
+    InvalidPath = 400, "The path is not understood";
+    /// There is nothing at this path.
+    NotFound = 404, "There is nothing at this path";
+    /// There is no such session.
+    SessionNotFound = 404, "There is no such session";
+    /// The session has no such map.
+    MapNotFound = 404, "There is no such map";
+    /// There is no such job.
+    JobNotFound = 404, "There is no such job";
+    /// The session has no such version.
+    VersionNotFound = 404, "There is no such version";
+    /// The path exists, the method does not.
+    MethodNotAllowed = 405, "The method is not allowed here";
+    /// None of the media types in `Accept` can be made.
+    NotAcceptable = 406, "No acceptable representation";
+    /// The body did not arrive in time.
+    BodyTimeout = 408, "The body did not arrive in time";
+    /// It clashes with what is there.
+    Conflict = 409, "The request conflicts with the present state";
+    /// The session exists with other settings.
+    SessionExists = 409, "The session exists with other settings";
+    /// The body has more bytes than the server takes.
+    BodyTooLarge = 413, "The body is too large";
+    /// The map has more cells than the server takes.
+    MapTooLarge = 413, "The map is too large";
+    /// The media type of the body is not one that this path takes.
+    UnsupportedMediaType = 415, "The media type is not supported";
+    /// A value is not allowed.
+    InvalidRequest = 422, "The request has a value that is not allowed";
+    /// The upload cannot be read as a map.
+    InvalidMap = 422, "The map cannot be read";
+    /// The queue of jobs is full; `Retry-After` says when to try again.
+    QueueFull = 429, "The queue is full";
+    /// A bug of the server; the request id finds it in its log.
+    Internal = 500, "Internal error";
+    /// The server has as much to do as it can take; `Retry-After` says when to try again.
+    Overloaded = 503, "The server is overloaded";
+    /// The database or the blob store does not answer; `Retry-After` says when to try again.
+    StorageUnavailable = 503, "The storage is unavailable";
+    /// The server is about to stop; `Retry-After` says when to try again.
+    ShuttingDown = 503, "The server is shutting down";
+}
+
+impl Problem {
+    /// A problem of this kind; the server adds the instance and the request id when it answers.
+    pub fn new(code: ProblemCode, detail: impl Into<String>) -> Self {
+        Self {
+            kind: "about:blank".to_owned(),
+            title: code.title().to_owned(),
+            status: code.status(),
+            detail: detail.into(),
+            instance: None,
+            code,
+            request_id: String::new(),
+            errors: Vec::new(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_are_snake_case_and_unknown_ones_are_understood() {
+        let text = serde_json::to_string(&ProblemCode::UnsupportedMediaType).expect("serialises");
+        assert_eq!(text, "\"unsupported_media_type\"");
+        let later: ProblemCode = serde_json::from_str("\"from_a_later_version\"").expect("parses");
+        assert_eq!(later, ProblemCode::Unknown);
+    }
+
+    #[test]
+    fn every_code_has_an_error_status() {
+        for code in ProblemCode::ALL {
+            assert!((400..=599).contains(&code.status()), "{code:?}");
+        }
+    }
+
+    #[test]
+    fn a_long_value_is_shortened() {
+        let error = FieldError::new("title", "x".repeat(1000), "at most 200 characters");
+        assert_eq!(error.value.map(|value| value.len()), Some(FieldError::VALUE_MAX));
+    }
+}
