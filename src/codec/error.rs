@@ -74,6 +74,16 @@ pub enum CodecError {
         /// The limit.
         expected: String,
     },
+    /// A cell of a message with a value that means nothing.
+    #[error("data[{index}] is {value}; it must be {expected}")]
+    BadCell {
+        /// Which cell.
+        index: usize,
+        /// Its value.
+        value: i8,
+        /// The values that mean something.
+        expected: &'static str,
+    },
     /// Size, resolution or origin make no lattice.
     #[error(transparent)]
     Lattice(#[from] LatticeError),

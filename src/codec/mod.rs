@@ -4,15 +4,24 @@
 //! grid or a [`CodecError`] that names the field, the value and the limit; [`Limits`] hold before memory is taken.
 //! Only `image` turns pictures (first row on top) into grids (row 0 lowest) and back.
 
+mod digest;
 mod error;
 mod image;
 mod limits;
+mod map_meta;
 mod map_yaml;
+mod occupancy_grid;
 
+pub use digest::{MapDigest, digest};
 pub use error::{CodecError, Warning};
 pub use image::{decode_image, encode_pgm, encode_png};
 pub use limits::Limits;
-pub use map_yaml::{MapMeta, MapMode, MapYaml, encode_yaml};
+pub use map_meta::{MapMeta, MapMode};
+pub use map_yaml::{MapYaml, encode_yaml};
+pub use occupancy_grid::{
+    CellValues, Header, Info, OccupancyGridMessage, Origin, Position, Quaternion, decode_occupancy_grid,
+    encode_occupancy_grid,
+};
 
 use crate::grid::OccupancyGrid;
 
