@@ -21,6 +21,32 @@ impl From<anyhow::Error> for Failure {
     }
 }
 
+#[cfg(feature = "client")]
+impl From<crate::client::ClientError> for Failure {
+    fn from(error: crate::client::ClientError) -> Self {
+        use crate::client::ClientError;
+        let callers = match &error {
+            ClientError::BadServer { .. } => true,
+            ClientError::Refused { problem, .. } => problem.status < 500 && !error.is_transient(),
+            _ => false,
+        };
+        if callers {
+            Self::BadInput(error.into())
+        } else {
+            Self::Internal(error.into())
+        }
+    }
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::BadInput(error) | Self::Internal(error) => f.write_str(&chain(error)),
+            Self::NobodyListens => f.write_str("nobody reads the output"),
+        }
+    }
+}
+
 impl Failure {
     /// A mistake of the caller that has no error below it.
     pub fn bad_input(message: impl std::fmt::Display + std::fmt::Debug + Send + Sync + 'static) -> Self {
@@ -40,13 +66,13 @@ impl Failure {
     /// Prints the failure with all that caused it, and gives its exit code.
     #[must_use]
     pub fn report(&self) -> ExitCode {
-        let (error, code) = match self {
-            Self::BadInput(error) => (error, 2),
-            Self::Internal(error) => (error, 1),
+        let code = match self {
+            Self::BadInput(_) => 2,
+            Self::Internal(_) => 1,
             Self::NobodyListens => return ExitCode::SUCCESS,
         };
         // Nothing is left to be done about a standard error that cannot be written.
-        let _ = terminal::tell(&format!("error: {}", chain(error)));
+        let _ = terminal::tell(&format!("error: {self}"));
         ExitCode::from(code)
     }
 }

@@ -6,8 +6,15 @@
 
 mod failure;
 pub mod files;
+pub mod placements;
+#[cfg(feature = "client")]
+mod push;
+#[cfg(any(feature = "client", feature = "server"))]
+mod runtime;
 mod stopwatch;
 mod terminal;
+#[cfg(feature = "client")]
+mod watch;
 
 pub use failure::{BadInput, Failure};
 pub use stopwatch::Stopwatch;
@@ -26,7 +33,10 @@ pub struct Cli {
 }
 
 #[derive(Debug, Subcommand)]
-enum Command {}
+enum Command {
+    #[cfg(feature = "client")]
+    Push(push::Push),
+}
 
 /// How a subcommand ended when it did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,7 +79,10 @@ pub fn main() -> ExitCode {
 
 impl Command {
     fn run(self) -> Result<Done, Failure> {
-        match self {}
+        match self {
+            #[cfg(feature = "client")]
+            Self::Push(push) => push.run(),
+        }
     }
 }
 

@@ -1,0 +1,281 @@
+//! The robot's side of the service: push a map, wait for the version, fetch it.
+//!
+//! Imports `model` and `api`; nothing else of the server, for a robot needs a small binary. Every call is safe to
+//! repeat (a push of the same content is the same map), so every call that may succeed later is tried again: with
+//! exponential back-off, never sooner than the server's Retry-After asks, until [`Patience`] ends.
+
+mod error;
+mod retry;
+mod spool;
+#[cfg(test)]
+mod tests;
+mod upload;
+
+pub use error::ClientError;
+pub use retry::{Backoff, Patience};
+pub use spool::{Recipient, Spool, SpoolError};
+pub use upload::{FilePart, Upload};
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use bytes::Bytes;
+use reqwest::{Method, RequestBuilder, Response, StatusCode, Url, header, multipart};
+use serde::de::DeserializeOwned;
+
+use crate::api;
+use crate::model::{JobId, SessionId, SessionSettings, VersionSelector};
+
+/// The longest that the server is asked to hold a question for a job.
+const LONG_POLL: Duration = Duration::from_secs(20);
+/// What an answer may take beyond what the request itself needs.
+const ANSWER_WITHIN: Duration = Duration::from_secs(30);
+/// The slowest link that an upload has to get through, in bytes a second.
+const SLOWEST_LINK: usize = 16 << 10;
+
+/// A connection to one server. Cheap to share by reference.
+#[derive(Debug)]
+pub struct Client {
+    http: reqwest::Client,
+    base: Url,
+    patience: Patience,
+    /// Seeds of the back-off of each call, one after the other.
+    seed: AtomicU64,
+}
+
+impl Client {
+    /// A client of the server at `server`, e.g. `http://127.0.0.1:8080`. `seed` decides only about the jitter of waits;
+    /// robots should have different ones.
+    ///
+    /// # Errors
+    /// When the address is no URL, or for https when the system has no certificates to trust.
+    pub fn new(server: &str, patience: Patience, seed: u64) -> Result<Self, ClientError> {
+        let bad = |detail: String| ClientError::BadServer {
+            server: server.to_owned(),
+            detail,
+        };
+        let mut base = Url::parse(server).map_err(|error| bad(error.to_string()))?;
+        if !matches!(base.scheme(), "http" | "https") || base.host_str().is_none() {
+            return Err(bad("the scheme or the host is missing".to_owned()));
+        }
+        if !base.path().ends_with('/') {
+            base.set_path(&format!("{}/", base.path()));
+        }
+        let mut builder = reqwest::Client::builder()
+            .user_agent(concat!("mapweld/", env!("CARGO_PKG_VERSION")))
+            .connect_timeout(Duration::from_secs(5))
+            // A redirected upload would be sent twice, or as a GET: the operator shall give the right address.
+            .redirect(reqwest::redirect::Policy::none());
+        if base.scheme() == "http" {
+            // Plain HTTP works on a robot without any certificates installed.
+            builder = builder.tls_certs_only([]);
+        }
+        if base.host().is_some_and(is_loopback) {
+            builder = builder.no_proxy();
+        }
+        let http = builder.build().map_err(|error| bad(causes(&error)))?;
+        Ok(Self {
+            http,
+            base,
+            patience,
+            seed: AtomicU64::new(seed),
+        })
+    }
+
+    /// The server's address, with a slash at the end.
+    #[must_use]
+    pub fn server(&self) -> &str {
+        self.base.as_str()
+    }
+
+    /// Makes a session with these settings, or finds it.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`] when it exists with other settings.
+    pub async fn put_session(
+        &self,
+        session: &SessionId,
+        settings: &SessionSettings,
+    ) -> Result<api::Session, ClientError> {
+        let path = format!("v1/sessions/{session}");
+        self.read(|| self.request(Method::PUT, &path).json(settings)).await
+    }
+
+    /// Pushes a map, trying again while that may help. The same content again is the same map.
+    ///
+    /// # Errors
+    /// When the server refuses the map, or cannot be reached for longer than the patience lasts.
+    pub async fn push_map(&self, to: &Recipient, upload: &Upload) -> Result<api::Pushed, ClientError> {
+        self.read(|| self.push_request(to, upload)).await
+    }
+
+    /// Pushes a map in one attempt.
+    ///
+    /// # Errors
+    /// As [`Client::push_map`]; [`ClientError::is_transient`] tells whether to try again.
+    pub async fn push_map_once(&self, to: &Recipient, upload: &Upload) -> Result<api::Pushed, ClientError> {
+        self.decode(self.attempt(self.push_request(to, upload)).await?).await
+    }
+
+    /// Waits until a job has ended, and gives the version that it published; `seen` is shown the job whenever it is
+    /// looked at.
+    ///
+    /// # Errors
+    /// [`ClientError::JobEnded`] when it failed or was cancelled.
+    pub async fn wait_for_version(
+        &self,
+        job: JobId,
+        mut seen: impl FnMut(&api::Job),
+    ) -> Result<api::Version, ClientError> {
+        let path = format!("v1/jobs/{job}?wait={}", LONG_POLL.as_secs());
+        loop {
+            let asked = || self.request(Method::GET, &path).timeout(LONG_POLL + ANSWER_WITHIN);
+            let found: api::Job = self.read(asked).await?;
+            seen(&found);
+            if let Some(number) = found.version {
+                return self.version(&found.session, VersionSelector::Number(number)).await;
+            }
+            if found.state.is_terminal() {
+                let why = found.error.map(|error| format!(": {}", error.message));
+                let ended = format!("{} without a version{}", found.state.as_str(), why.unwrap_or_default());
+                return Err(ClientError::JobEnded { job, ended });
+            }
+        }
+    }
+
+    /// One version of a session.
+    ///
+    /// # Errors
+    /// When there is no such version, or the server cannot be reached.
+    pub async fn version(&self, session: &SessionId, which: VersionSelector) -> Result<api::Version, ClientError> {
+        let path = format!("v1/sessions/{session}/versions/{which}");
+        self.read(|| self.request(Method::GET, &path)).await
+    }
+
+    /// A file of a version, such as `map.png`, `map.yaml` or `overlay.png`.
+    ///
+    /// # Errors
+    /// When there is no such version or file, or the server cannot be reached.
+    pub async fn fetch(&self, session: &SessionId, which: VersionSelector, file: &str) -> Result<Bytes, ClientError> {
+        let path = format!("v1/sessions/{session}/versions/{which}/{file}");
+        let response = self.call(|| self.request(Method::GET, &path)).await?;
+        response.bytes().await.map_err(|error| self.unreachable(&error))
+    }
+
+    fn push_request(&self, to: &Recipient, upload: &Upload) -> RequestBuilder {
+        let part = |file: &FilePart| {
+            let length = file.content.len() as u64;
+            multipart::Part::stream_with_length(file.content.clone(), length).file_name(file.name.clone())
+        };
+        let form = multipart::Form::new()
+            .part("map", part(&upload.map))
+            .part("image", part(&upload.image));
+        let bytes = upload.map.content.len() + upload.image.content.len();
+        let path = format!("v1/sessions/{}/robots/{}/maps", to.session, to.robot);
+        self.request(Method::POST, &path)
+            .timeout(ANSWER_WITHIN + Duration::from_secs((bytes / SLOWEST_LINK) as u64))
+            .multipart(form)
+    }
+
+    fn request(&self, method: Method, path: &str) -> RequestBuilder {
+        let url = self.base.join(path).expect("invariant: paths are made of parsed names");
+        self.http.request(method, url).timeout(ANSWER_WITHIN)
+    }
+
+    async fn read<T: DeserializeOwned>(&self, request: impl Fn() -> RequestBuilder) -> Result<T, ClientError> {
+        let response = self.call(request).await?;
+        self.decode(response).await
+    }
+
+    /// Sends a request until it succeeds, is refused for good, or patience ends.
+    async fn call(&self, request: impl Fn() -> RequestBuilder) -> Result<Response, ClientError> {
+        let mut backoff = Backoff::new(self.patience, self.seed.fetch_add(1, Ordering::Relaxed));
+        loop {
+            let error = match self.attempt(request()).await {
+                Ok(response) => return Ok(response),
+                Err(error) if error.is_transient() => error,
+                Err(error) => return Err(error),
+            };
+            let Some(wait) = backoff.next_wait(error.retry_after()) else {
+                return Err(ClientError::GaveUp {
+                    attempts: backoff.attempts(),
+                    last: Box::new(error),
+                });
+            };
+            tracing::warn!("{error}; trying again in {:.1} s", wait.as_secs_f64());
+            tokio::time::sleep(wait).await;
+        }
+    }
+
+    async fn attempt(&self, request: RequestBuilder) -> Result<Response, ClientError> {
+        let response = request.send().await.map_err(|error| self.unreachable(&error))?;
+        if response.status().is_success() {
+            return Ok(response);
+        }
+        let status = response.status();
+        let retry_after = retry_after(&response);
+        let body = response.bytes().await.unwrap_or_default();
+        Err(match serde_json::from_slice::<api::Problem>(&body) {
+            Ok(problem) => ClientError::Refused {
+                problem: Box::new(problem),
+                retry_after,
+            },
+            Err(_) => ClientError::Foreign {
+                server: self.base.to_string(),
+                status: status.as_u16(),
+                detail: beginning(&body),
+                retry_after,
+            },
+        })
+    }
+
+    async fn decode<T: DeserializeOwned>(&self, response: Response) -> Result<T, ClientError> {
+        let status: StatusCode = response.status();
+        let body = response.bytes().await.map_err(|error| self.unreachable(&error))?;
+        serde_json::from_slice(&body).map_err(|error| ClientError::Foreign {
+            server: self.base.to_string(),
+            status: status.as_u16(),
+            detail: format!("{error} in {}", beginning(&body)),
+            retry_after: None,
+        })
+    }
+
+    fn unreachable(&self, error: &reqwest::Error) -> ClientError {
+        ClientError::Unreachable {
+            server: self.base.to_string(),
+            detail: causes(error),
+        }
+    }
+}
+
+fn is_loopback(host: impl std::fmt::Display) -> bool {
+    let host = host.to_string();
+    let address = host
+        .trim_start_matches('[')
+        .trim_end_matches(']')
+        .parse::<std::net::IpAddr>();
+    host == "localhost" || address.is_ok_and(|address| address.is_loopback())
+}
+
+fn retry_after(response: &Response) -> Option<Duration> {
+    let text = |name| response.headers().get(name).and_then(|value| value.to_str().ok());
+    retry::retry_after(text(header::RETRY_AFTER)?, text(header::DATE))
+}
+
+/// The innermost cause says what happened ("connection refused"); the outer ones only that something did.
+fn causes(error: &reqwest::Error) -> String {
+    let mut cause: &dyn std::error::Error = error;
+    while let Some(inner) = cause.source() {
+        cause = inner;
+    }
+    let what = if error.is_timeout() { "no answer in time: " } else { "" };
+    format!("{what}{cause}")
+}
+
+fn beginning(body: &[u8]) -> String {
+    String::from_utf8_lossy(body)
+        .chars()
+        .filter(|c| !c.is_control())
+        .take(200)
+        .collect()
+}
