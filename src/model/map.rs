@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{BlobKey, Digest, MapId, RobotId, SessionId, Timestamp};
+use super::{BlobKey, Digest, JobId, MapId, RobotId, SessionId, Timestamp};
 use crate::grid::{Lattice, OccupancyGrid, StateCounts};
 
 /// A map as it is kept. Immutable.
@@ -18,6 +18,8 @@ pub struct MapRecord {
     pub sequence: u32,
     /// What was pushed.
     pub map: NewMap,
+    /// The job that takes it in; none when the session does not merge by itself.
+    pub job: Option<JobId>,
     /// When it was received.
     pub received_at: Timestamp,
 }

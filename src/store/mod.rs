@@ -13,7 +13,15 @@
 //! 4. [`Store::publish_version`] is one transaction: the version and the end of the job. So a job may run more than once
 //!    and takes effect exactly once.
 
+mod blobs;
+mod error;
+mod sqlite;
+
 use std::time::Duration;
+
+pub use blobs::Blobs;
+pub use error::{Missing, QueueScope, StoreError};
+pub use sqlite::SqliteStore;
 
 use async_trait::async_trait;
 use tokio::sync::broadcast;
@@ -220,8 +228,6 @@ pub struct Added {
     pub map: MapRecord,
     /// Whether it is new.
     pub created: bool,
-    /// The job that takes it in, or took it in; none when the session does not merge by itself.
-    pub job: Option<JobId>,
 }
 
 /// A job in the hands of one worker.
@@ -341,71 +347,4 @@ impl Change {
             }
         }
     }
-}
-
-/// Why the store did not do what it was asked.
-#[derive(Debug, thiserror::Error)]
-pub enum StoreError {
-    /// There is no such record.
-    #[error("{0} does not exist")]
-    NotFound(Missing),
-    /// The session is there, with other settings than asked for.
-    #[error("session {0} exists with other settings; change them with PATCH")]
-    SessionExists(SessionId),
-    /// The queue holds no further job.
-    #[error("the queue of {scope} is full: {queued} jobs wait, the limit is {limit}; try again later")]
-    QueueFull {
-        /// Whose queue.
-        scope: QueueScope,
-        /// Jobs that wait.
-        queued: u32,
-        /// The most that may wait.
-        limit: u32,
-    },
-    /// Somebody else has the job now, or it is over.
-    #[error("the lease of job {0} is lost: it was claimed again, ended, or deleted with its session")]
-    LeaseLost(JobId),
-    /// Another process has the files open.
-    #[error("{path} is in use by another process; SQLite serves one process at a time")]
-    InUse {
-        /// The lock file.
-        path: String,
-    },
-    /// The store is out of reach or out of room right now: worth trying again.
-    #[error("the store cannot be reached right now: {0}")]
-    Unavailable(#[source] Box<dyn std::error::Error + Send + Sync>),
-    /// What was read is not what was written.
-    #[error("the store is damaged: {0}")]
-    Damaged(String),
-}
-
-/// A record that is not there.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum Missing {
-    /// No such session.
-    #[error("session {0}")]
-    Session(SessionId),
-    /// No such map in the session.
-    #[error("map {1} of session {0}")]
-    Map(SessionId, MapId),
-    /// No such job.
-    #[error("job {0}")]
-    Job(JobId),
-    /// No such version of the session.
-    #[error("version {1} of session {0}")]
-    Version(SessionId, VersionSelector),
-    /// No such blob.
-    #[error("blob {0}")]
-    Blob(BlobKey),
-}
-
-/// Which bound of the queue was met.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum QueueScope {
-    /// That of one session.
-    #[error("session {0}")]
-    Session(SessionId),
-    /// That of all sessions together.
-    #[error("the service")]
-    Total,
 }

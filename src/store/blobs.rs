@@ -1,0 +1,116 @@
+//! Blobs: bytes kept under their own digest, for good.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use bytes::Bytes;
+use object_store::local::LocalFileSystem;
+use object_store::{ObjectStore, ObjectStoreExt, PutPayload, path};
+
+use super::{Missing, StoreError};
+use crate::model::BlobKey;
+
+/// Where blobs are kept: immutable, each under the SHA-256 of its bytes, checked when it is read.
+#[derive(Debug, Clone)]
+pub struct Blobs {
+    objects: Arc<dyn ObjectStore>,
+}
+
+impl Blobs {
+    /// Blobs in a folder, which is made if it is not there.
+    ///
+    /// # Errors
+    /// When the folder cannot be made.
+    pub fn open_folder(folder: &Path) -> Result<Self, StoreError> {
+        std::fs::create_dir_all(folder).map_err(|error| StoreError::Unavailable(error.into()))?;
+        let files = LocalFileSystem::new_with_prefix(folder)
+            .map_err(|error| StoreError::Unavailable(error.into()))?
+            .with_fsync(true);
+        Ok(Self::over(Arc::new(files)))
+    }
+
+    /// Blobs in any object store that is durable when it says so.
+    pub fn over(objects: Arc<dyn ObjectStore>) -> Self {
+        Self { objects }
+    }
+
+    /// Keeps these bytes. They are durable when this returns.
+    ///
+    /// Bytes that are there already are written again: whoever wrote them may not have come to its fsync yet.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`].
+    pub async fn put(&self, bytes: Bytes) -> Result<BlobKey, StoreError> {
+        let (key, bytes) = hashed(bytes).await?;
+        self.objects
+            .put(&place(key), PutPayload::from_bytes(bytes))
+            .await
+            .map_err(|error| StoreError::Unavailable(error.into()))?;
+        Ok(key)
+    }
+
+    /// The bytes that were kept under this key.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`], [`StoreError::Damaged`] when the bytes are not those that were kept, or
+    /// [`StoreError::Unavailable`].
+    pub async fn get(&self, key: BlobKey) -> Result<Bytes, StoreError> {
+        let failed = |error: object_store::Error| match error {
+            object_store::Error::NotFound { .. } => StoreError::NotFound(Missing::Blob(key)),
+            error => StoreError::Unavailable(error.into()),
+        };
+        let object = self.objects.get(&place(key)).await.map_err(failed)?;
+        let (found, bytes) = hashed(object.bytes().await.map_err(failed)?).await?;
+        if found != key {
+            return Err(StoreError::Damaged(format!("blob {key} has the content of {found}")));
+        }
+        Ok(bytes)
+    }
+}
+
+fn place(key: BlobKey) -> path::Path {
+    path::Path::from(key.to_string())
+}
+
+/// Megabytes are not hashed on a thread that serves requests.
+async fn hashed(bytes: Bytes) -> Result<(BlobKey, Bytes), StoreError> {
+    tokio::task::spawn_blocking(move || (BlobKey::of(&bytes), bytes))
+        .await
+        .map_err(|error| StoreError::Unavailable(error.into()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_blob_is_read_back_under_the_digest_of_its_bytes() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let key = Blobs::open_folder(folder.path())
+            .expect("opens")
+            .put(Bytes::from_static(b"abc"))
+            .await
+            .expect("is kept");
+        assert_eq!(key, BlobKey::of(b"abc"));
+        let again = Blobs::open_folder(folder.path()).expect("opens again");
+        assert_eq!(again.put(Bytes::from_static(b"abc")).await.expect("is kept again"), key);
+        assert_eq!(again.get(key).await.expect("is there"), "abc");
+    }
+
+    #[tokio::test]
+    async fn a_blob_that_was_changed_on_disk_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let blobs = Blobs::open_folder(folder.path()).expect("opens");
+        let key = blobs.put(Bytes::from_static(b"abc")).await.expect("is kept");
+        std::fs::write(folder.path().join(key.to_string()), b"abd").expect("is changed");
+        assert!(matches!(blobs.get(key).await, Err(StoreError::Damaged(_))));
+    }
+
+    #[tokio::test]
+    async fn a_blob_that_was_never_kept_is_not_found() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let blobs = Blobs::open_folder(folder.path()).expect("opens");
+        let key = BlobKey::of(b"nothing");
+        assert!(matches!(blobs.get(key).await, Err(StoreError::NotFound(Missing::Blob(missing))) if missing == key));
+    }
+}

@@ -1,0 +1,364 @@
+//! The embedded back end: one SQLite file, served by one process.
+//!
+//! WAL and `synchronous = FULL`: what was answered has been fsynced. One connection writes, and every transaction that
+//! writes begins IMMEDIATE: a read that upgrades would fail at once with `SQLITE_BUSY_SNAPSHOT`, whatever the time-out.
+
+mod jobs;
+mod maps;
+mod queue;
+mod rows;
+mod sessions;
+mod versions;
+
+use std::fs::{File, TryLockError};
+use std::path::Path;
+use std::time::Duration;
+
+use async_trait::async_trait;
+use serde::Serialize;
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::{Sqlite, SqlitePool, Transaction};
+use tokio::sync::broadcast;
+
+use super::{
+    AddMap, Added, Change, Claim, Created, Lease, NewVersion, Page, ProgressReport, QueueDepth, QueueLimits, Renewed,
+    Retry, Store, StoreError,
+};
+use crate::model::{
+    Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, ResultText, RobotId, RobotSummary, Session,
+    SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionNumber, VersionSelector,
+};
+
+/// Records in one SQLite file.
+#[derive(Debug)]
+pub struct SqliteStore {
+    writer: SqlitePool,
+    readers: SqlitePool,
+    limits: QueueLimits,
+    changes: broadcast::Sender<Change>,
+    /// Held for as long as the store is open.
+    _lock: File,
+}
+
+/// Readers beside the one writer.
+const READERS: u32 = 4;
+/// How long a request waits for its turn before it is told to come again.
+const TURN: Duration = Duration::from_secs(10);
+/// Changes that a slow listener may lag behind before it has to read the store again.
+const CHANGES: usize = 1024;
+
+impl SqliteStore {
+    /// Opens `mapweld.sqlite` in this folder; makes both when they are not there, and brings older files up to date.
+    ///
+    /// # Errors
+    /// [`StoreError::InUse`] when another process has it open, otherwise [`StoreError::Unavailable`].
+    pub async fn open(folder: &Path, limits: QueueLimits) -> Result<Self, StoreError> {
+        std::fs::create_dir_all(folder).map_err(unavailable)?;
+        let lock = locked(&folder.join("mapweld.lock"))?;
+        let options = SqliteConnectOptions::new()
+            .filename(folder.join("mapweld.sqlite"))
+            .create_if_missing(true)
+            .journal_mode(SqliteJournalMode::Wal)
+            .synchronous(SqliteSynchronous::Full)
+            .foreign_keys(true)
+            .busy_timeout(TURN);
+        let pool = |size| SqlitePoolOptions::new().max_connections(size).acquire_timeout(TURN);
+        let writer = pool(1).connect_with(options.clone()).await.failed()?;
+        sqlx::migrate!("migrations/sqlite")
+            .run(&writer)
+            .await
+            .map_err(unavailable)?;
+        let readers = pool(READERS)
+            .connect_with(options.pragma("query_only", "ON"))
+            .await
+            .failed()?;
+        Ok(Self {
+            writer,
+            readers,
+            limits,
+            changes: broadcast::Sender::new(CHANGES),
+            _lock: lock,
+        })
+    }
+
+    /// Waits for what is under way and closes the file. Nothing is lost without it.
+    pub async fn close(&self) {
+        self.readers.close().await;
+        self.writer.close().await;
+    }
+
+    async fn begin(&self) -> Result<Transaction<'static, Sqlite>, StoreError> {
+        self.writer.begin_with("BEGIN IMMEDIATE").await.failed()
+    }
+
+    async fn reader(&self) -> Result<sqlx::pool::PoolConnection<Sqlite>, StoreError> {
+        self.readers.acquire().await.failed()
+    }
+
+    /// That nobody listens is no error.
+    fn announce(&self, change: Change) {
+        let _ = self.changes.send(change);
+    }
+
+    fn announce_job(&self, written: queue::Written) -> JobState {
+        self.announce(Change::Job(written.session, written.id, written.state));
+        written.state
+    }
+}
+
+fn locked(path: &Path) -> Result<File, StoreError> {
+    let lock = File::options()
+        .create(true)
+        .truncate(false)
+        .write(true)
+        .open(path)
+        .map_err(unavailable)?;
+    match lock.try_lock() {
+        Ok(()) => Ok(lock),
+        Err(TryLockError::WouldBlock) => Err(StoreError::InUse {
+            path: path.display().to_string(),
+        }),
+        Err(TryLockError::Error(error)) => Err(unavailable(error)),
+    }
+}
+
+fn unavailable(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> StoreError {
+    StoreError::Unavailable(error.into())
+}
+
+/// Answers of the database as answers of the store.
+trait Failed<T> {
+    fn failed(self) -> Result<T, StoreError>;
+}
+
+impl<T> Failed<T> for Result<T, sqlx::Error> {
+    fn failed(self) -> Result<T, StoreError> {
+        self.map_err(|error| match &error {
+            // our own statements met a constraint: what is written there is not what this code writes
+            sqlx::Error::Database(refused) if refused.kind() != sqlx::error::ErrorKind::Other => {
+                StoreError::Damaged(error.to_string())
+            }
+            sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) | sqlx::Error::ColumnNotFound(_) => {
+                StoreError::Damaged(error.to_string())
+            }
+            _ => unavailable(error),
+        })
+    }
+}
+
+/// A record's part as JSON.
+fn text<T: Serialize + ?Sized>(value: &T) -> String {
+    serde_json::to_string(value).expect("invariant: records are plain data with text keys")
+}
+
+#[async_trait]
+impl Store for SqliteStore {
+    async fn create_session(
+        &self,
+        id: &SessionId,
+        settings: &SessionSettings,
+        now: Timestamp,
+    ) -> Result<Created<Session>, StoreError> {
+        let mut tx = self.begin().await?;
+        let made = sessions::create(&mut tx, id, settings, now).await?;
+        tx.commit().await.failed()?;
+        if made.created {
+            self.announce(Change::Session(id.clone()));
+        }
+        Ok(made)
+    }
+
+    async fn get_session(&self, id: &SessionId) -> Result<Session, StoreError> {
+        sessions::get(&mut *self.reader().await?, id).await
+    }
+
+    async fn list_sessions(&self, page: &Page<SessionId>) -> Result<Vec<Session>, StoreError> {
+        sessions::list(&mut *self.reader().await?, page).await
+    }
+
+    async fn patch_session(&self, id: &SessionId, patch: SessionPatch, now: Timestamp) -> Result<Session, StoreError> {
+        let mut tx = self.begin().await?;
+        let session = sessions::patch(&mut tx, id, patch, now).await?;
+        tx.commit().await.failed()?;
+        self.announce(Change::Session(id.clone()));
+        Ok(session)
+    }
+
+    async fn delete_session(&self, id: &SessionId) -> Result<(), StoreError> {
+        let mut tx = self.begin().await?;
+        sessions::delete(&mut tx, id).await?;
+        tx.commit().await.failed()?;
+        self.announce(Change::Session(id.clone()));
+        Ok(())
+    }
+
+    async fn list_robots(&self, session: &SessionId) -> Result<Vec<RobotSummary>, StoreError> {
+        sessions::robots(&mut *self.reader().await?, session).await
+    }
+
+    async fn add_map_and_enqueue(&self, add: AddMap, now: Timestamp) -> Result<Added, StoreError> {
+        let mut tx = self.begin().await?;
+        let added = maps::add_and_enqueue(&mut tx, add, &self.limits, now).await?;
+        tx.commit().await.failed()?;
+        if added.created {
+            self.announce(Change::Map(added.map.session.clone(), added.map.id));
+            if let Some(job) = added.map.job {
+                self.announce(Change::Job(added.map.session.clone(), job, JobState::Queued));
+            }
+        }
+        Ok(added)
+    }
+
+    async fn list_maps(
+        &self,
+        session: &SessionId,
+        robot: Option<&RobotId>,
+        page: &Page<MapId>,
+    ) -> Result<Vec<MapRecord>, StoreError> {
+        maps::list(&mut *self.reader().await?, session, robot, page).await
+    }
+
+    async fn get_map(&self, session: &SessionId, map: MapId) -> Result<MapRecord, StoreError> {
+        maps::get(&mut *self.reader().await?, session, map).await
+    }
+
+    async fn newest_maps(&self, session: &SessionId) -> Result<Vec<MapRecord>, StoreError> {
+        maps::newest(&mut *self.reader().await?, session).await
+    }
+
+    async fn enqueue_merge(
+        &self,
+        session: &SessionId,
+        job: JobId,
+        request: MergeRequest,
+        now: Timestamp,
+    ) -> Result<Job, StoreError> {
+        let mut tx = self.begin().await?;
+        let job = jobs::enqueue_merge(&mut tx, session, job, &request, &self.limits, now).await?;
+        tx.commit().await.failed()?;
+        self.announce(Change::Job(job.session.clone(), job.id, job.state));
+        Ok(job)
+    }
+
+    async fn get_job(&self, job: JobId) -> Result<Job, StoreError> {
+        jobs::get(&mut *self.reader().await?, job).await
+    }
+
+    async fn list_jobs(&self, session: &SessionId, page: &Page<JobId>) -> Result<Vec<Job>, StoreError> {
+        jobs::list(&mut *self.reader().await?, session, page).await
+    }
+
+    async fn cancel_job(&self, job: JobId, now: Timestamp) -> Result<Job, StoreError> {
+        let mut tx = self.begin().await?;
+        let job = jobs::cancel(&mut tx, job, now).await?;
+        tx.commit().await.failed()?;
+        self.announce(Change::Job(job.session.clone(), job.id, job.state));
+        Ok(job)
+    }
+
+    async fn queue_depth(&self) -> Result<QueueDepth, StoreError> {
+        jobs::depth(&mut *self.reader().await?).await
+    }
+
+    async fn claim_job(&self, owner: &str, lease: Duration, now: Timestamp) -> Result<Option<Claim>, StoreError> {
+        let mut tx = self.begin().await?;
+        let parked = queue::park_lost(&mut tx, now).await?;
+        let claim = queue::claim(&mut tx, owner, lease, now).await?;
+        tx.commit().await.failed()?;
+        for written in parked {
+            self.announce_job(written);
+        }
+        if let Some(Claim { job, .. }) = &claim {
+            self.announce(Change::Job(job.session.clone(), job.id, job.state));
+        }
+        Ok(claim)
+    }
+
+    async fn renew_lease(
+        &self,
+        lease: &Lease,
+        hold: Duration,
+        report: &ProgressReport,
+        now: Timestamp,
+    ) -> Result<Renewed, StoreError> {
+        let mut tx = self.begin().await?;
+        let job = queue::renew(&mut tx, lease, hold, report, now).await?;
+        tx.commit().await.failed()?;
+        self.announce(Change::Job(job.session, job.id, job.state));
+        Ok(Renewed {
+            cancel_requested: job.cancel_requested,
+        })
+    }
+
+    async fn publish_version(&self, lease: &Lease, version: NewVersion, now: Timestamp) -> Result<Version, StoreError> {
+        let mut tx = self.begin().await?;
+        let ended = queue::succeed(&mut tx, lease, None, &version.timings, now).await?;
+        let version = versions::add(&mut tx, &ended.session, ended.id, version, now).await?;
+        tx.commit().await.failed()?;
+        self.announce(Change::Version(version.session.clone(), version.number));
+        self.announce_job(ended);
+        Ok(version)
+    }
+
+    async fn finish_dry_run(
+        &self,
+        lease: &Lease,
+        result: &ResultText,
+        timings: &[StageSeconds],
+        now: Timestamp,
+    ) -> Result<(), StoreError> {
+        let mut tx = self.begin().await?;
+        let ended = queue::succeed(&mut tx, lease, Some(result), timings, now).await?;
+        tx.commit().await.failed()?;
+        self.announce_job(ended);
+        Ok(())
+    }
+
+    async fn fail_job(
+        &self,
+        lease: &Lease,
+        error: &JobError,
+        retry: Retry,
+        now: Timestamp,
+    ) -> Result<JobState, StoreError> {
+        let mut tx = self.begin().await?;
+        let left = queue::fail(&mut tx, lease, error, retry, now).await?;
+        tx.commit().await.failed()?;
+        Ok(self.announce_job(left))
+    }
+
+    async fn finish_cancelled(&self, lease: &Lease, now: Timestamp) -> Result<(), StoreError> {
+        let mut tx = self.begin().await?;
+        let ended = queue::end_cancelled(&mut tx, lease, now).await?;
+        tx.commit().await.failed()?;
+        self.announce_job(ended);
+        Ok(())
+    }
+
+    async fn release_job(&self, lease: &Lease, now: Timestamp) -> Result<(), StoreError> {
+        let mut tx = self.begin().await?;
+        let left = queue::release(&mut tx, lease, now).await?;
+        tx.commit().await.failed()?;
+        self.announce_job(left);
+        Ok(())
+    }
+
+    async fn list_versions(&self, session: &SessionId, page: &Page<VersionNumber>) -> Result<Vec<Version>, StoreError> {
+        versions::list(&mut *self.reader().await?, session, page).await
+    }
+
+    async fn get_version(&self, session: &SessionId, version: VersionSelector) -> Result<Version, StoreError> {
+        versions::get(&mut *self.reader().await?, session, version).await
+    }
+
+    async fn check(&self) -> Result<(), StoreError> {
+        let tx = self.begin().await?;
+        tx.rollback().await.failed()?;
+        sqlx::query("SELECT 1").execute(&self.readers).await.failed()?;
+        Ok(())
+    }
+
+    fn changes(&self) -> broadcast::Receiver<Change> {
+        self.changes.subscribe()
+    }
+}

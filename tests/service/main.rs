@@ -1,0 +1,5 @@
+//! The service from outside: the contract of the stores, and servers that are spawned.
+#![cfg(feature = "server")]
+
+mod store_contract;
+mod store_sqlite;

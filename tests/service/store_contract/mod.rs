@@ -1,0 +1,99 @@
+//! What every store promises. Each clause is a plain function of a fresh store; times are explicit seconds.
+//!
+//! The stores of this suite hold [`LIMITS`].
+
+mod endings;
+mod leases;
+mod looking;
+mod maps;
+pub(crate) mod prelude;
+mod sessions;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use mapweld::store::{QueueLimits, Store};
+
+pub(crate) use endings::*;
+pub(crate) use leases::*;
+pub(crate) use looking::*;
+pub(crate) use maps::*;
+pub(crate) use sessions::*;
+
+/// Small enough to be met.
+pub(crate) const LIMITS: QueueLimits = QueueLimits {
+    per_session: 3,
+    total: 5,
+    max_attempts: 3,
+};
+
+/// How long the leases of this suite last.
+pub(crate) const LEASE: Duration = Duration::from_secs(30);
+
+/// A test of every clause, each on a store of its own that `$fresh` makes: `async fn() -> (impl Store, impl Any)`.
+macro_rules! contract {
+    ($fresh:path) => {
+        contract!(@ $fresh,
+            making_a_session_again_with_the_same_settings_answers_the_one_that_is_there,
+            making_a_session_again_with_other_settings_is_refused,
+            a_session_that_is_not_there_is_not_found_by_any_door,
+            a_patch_changes_what_it_names_and_when_the_session_changed,
+            sessions_are_listed_by_name_page_after_page,
+            a_deleted_session_takes_everything_with_it_and_its_runner_loses_the_lease,
+            a_map_is_read_back_as_it_was_added,
+            a_map_of_an_unknown_session_makes_it_only_when_asked_to,
+            the_first_robot_to_push_becomes_the_anchor_unless_one_was_named,
+            the_same_content_from_the_same_robot_again_is_the_same_map_and_causes_no_job,
+            the_same_content_from_another_robot_is_another_map,
+            the_newest_map_of_each_robot_is_the_one_of_its_highest_sequence,
+            maps_are_listed_newest_first_page_after_page_and_by_robot,
+            uploads_while_a_job_waits_share_it,
+            uploads_while_a_job_runs_cause_exactly_one_more,
+            a_session_that_does_not_merge_by_itself_gets_no_job,
+            a_full_queue_of_a_session_refuses_the_job_and_the_map_that_needs_it,
+            a_full_queue_of_the_service_refuses_too,
+            an_upload_that_joins_a_waiting_job_needs_no_room_in_the_queue,
+            nothing_to_do_is_no_claim,
+            a_job_is_not_claimed_before_it_is_due_and_the_longest_due_comes_first,
+            a_claimed_job_is_not_claimed_again_while_its_lease_holds,
+            jobs_of_one_session_run_one_after_the_other,
+            an_expired_lease_is_claimed_again_with_a_greater_token,
+            a_renewed_lease_does_not_expire,
+            a_renewal_tells_progress_and_the_wish_to_cancel,
+            a_zombie_whose_job_was_claimed_again_can_write_nothing,
+            a_lease_that_expired_but_was_not_claimed_again_still_publishes,
+            publishing_makes_the_version_and_ends_the_job_in_one_step,
+            versions_count_from_one_without_gaps_and_name_their_parent,
+            a_version_is_read_back_as_it_was_published,
+            a_dry_run_ends_with_its_result_and_no_version,
+            a_failed_attempt_waits_for_its_pause_and_runs_again,
+            a_job_that_would_fail_again_is_failed_at_once,
+            a_job_out_of_attempts_is_failed_with_the_last_reason,
+            a_poison_job_that_takes_its_workers_with_it_is_parked_with_a_reason,
+            a_released_job_is_due_at_once_and_its_attempt_does_not_count,
+            a_job_that_goes_back_to_the_queue_leaves_the_key_to_the_one_that_came_meanwhile,
+            cancelling_ends_a_waiting_job_and_asks_a_running_one,
+            a_cancelled_runner_ends_as_cancelled_however_it_leaves,
+            a_job_whose_worker_was_lost_after_a_cancel_is_cancelled_not_run_again,
+            an_ended_job_stays_as_it_is,
+            jobs_are_listed_newest_first,
+            the_depth_of_the_queue_counts_waiting_and_running_jobs,
+            changes_are_announced_to_those_who_listen,
+            many_tasks_that_claim_at_once_get_each_job_once,
+            many_sessions_and_workers_publish_without_gaps_or_doubles,
+            many_uploads_at_once_keep_sequences_without_gaps_and_share_jobs,
+        );
+    };
+    (@ $fresh:path, $($clause:ident,)*) => {
+        $(
+            #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+            async fn $clause() {
+                let (store, _keep) = $fresh().await;
+                $crate::store_contract::$clause(std::sync::Arc::new(store)).await;
+            }
+        )*
+    };
+}
+pub(crate) use contract;
+
+pub(crate) type AnyStore = Arc<dyn Store>;

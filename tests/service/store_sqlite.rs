@@ -1,0 +1,68 @@
+//! SQLite keeps the contract, and what only SQLite promises.
+
+use bytes::Bytes;
+use mapweld::store::{Blobs, QueueLimits, SqliteStore, Store, StoreError};
+use tempfile::TempDir;
+
+use crate::store_contract::prelude::{at, session, upload};
+use crate::store_contract::{LEASE, LIMITS, contract};
+
+async fn fresh() -> (SqliteStore, TempDir) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let store = SqliteStore::open(folder.path(), LIMITS).await.expect("opens");
+    (store, folder)
+}
+
+contract!(fresh);
+
+#[tokio::test]
+async fn a_second_opener_is_refused_by_the_lock_file() {
+    let (_store, folder) = fresh().await;
+    let second = SqliteStore::open(folder.path(), QueueLimits::default()).await;
+    match second {
+        Err(StoreError::InUse { path }) => assert!(path.ends_with("mapweld.lock"), "{path}"),
+        other => panic!("refused, but the answer was {other:?}"),
+    }
+}
+
+#[tokio::test]
+async fn what_was_answered_is_there_after_everything_was_dropped_without_a_word() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let blobs = folder.path().join("blobs");
+    let (added, claim, blob);
+    {
+        let store = SqliteStore::open(folder.path(), LIMITS).await.expect("opens");
+        blob = Blobs::open_folder(&blobs)
+            .expect("opens")
+            .put(Bytes::from_static(b"cells"))
+            .await
+            .expect("is kept");
+        let mut add = upload(&session("ward"), "r1", 1);
+        add.map.blob = blob;
+        added = store.add_map_and_enqueue(add, at(0)).await.expect("is added");
+        claim = store
+            .claim_job("w", LEASE, at(1))
+            .await
+            .expect("answers")
+            .expect("is due");
+        // dropped without close
+    }
+    let store = SqliteStore::open(folder.path(), LIMITS).await.expect("opens again");
+    let map = store.get_map(&session("ward"), added.map.id).await.expect("is there");
+    assert_eq!(map, added.map);
+    let bytes = Blobs::open_folder(&blobs)
+        .expect("opens")
+        .get(map.map.blob)
+        .await
+        .expect("is there");
+    assert_eq!(bytes, "cells");
+    // the job of the lost worker runs again once its lease has expired
+    assert_eq!(store.claim_job("w2", LEASE, at(2)).await.expect("answers"), None);
+    let again = store
+        .claim_job("w2", LEASE, at(31))
+        .await
+        .expect("answers")
+        .expect("is due");
+    assert_eq!(again.job.id, claim.job.id);
+    assert!(again.lease.token > claim.lease.token);
+}
