@@ -4,12 +4,42 @@
 //!
 //! [`weld()`] is the one story that every door tells (the command, the service's one shot, the worker): features of each
 //! map, registrations of the pairs, one consistent pose for each map that can be placed, and the fused map in the
-//! anchor's frame. Below it: [`register_set`] places maps, [`fuse()`] adds them up.
+//! anchor's frame. Below it: [`register_set`] places maps, [`fuse()`] adds them up, [`verdicts`] and [`optimise`] work on
+//! bare graphs.
 
+mod bridges;
 mod conflicts;
+mod consistency;
 mod fuse;
+mod group;
+mod input;
+mod joint;
+mod known_poses;
+mod layout;
+mod maps;
+mod moments;
 mod names;
+mod outcome;
+mod pose_graph;
+mod report;
+#[cfg(test)]
+mod scripted;
+mod union_find;
+mod walls;
+mod weld;
 
 pub use conflicts::{Conflicts, Votes};
+pub use consistency::{ConsistencyRules, Verdict, verdicts};
 pub use fuse::{FuseError, FuseOptions, Fused, PlacedMap, fuse};
+pub use group::register_set;
+pub use input::{Earlier, KnownPair, Prior, WeldInput, WeldOptions};
+pub use joint::JointRules;
+pub use known_poses::KnownPoseRules;
+pub use moments::Moments;
 pub use names::distinct_names;
+pub use outcome::{
+    Basis, BridgeRecord, FrameJump, Group, Member, NotPlaced, NotPlacedReason, PairCheck, PairRecord, PairRole, Placed,
+    Placement, RegisteredSet, Weld, WeldError,
+};
+pub use pose_graph::{Edge, Estimate, optimise, spanning_poses};
+pub use weld::weld;

@@ -9,6 +9,11 @@ pub trait Control: Sync {
 
     /// Whether to give up now, and why.
     fn should_stop(&self) -> Option<Stop>;
+
+    /// Told as work on many pairs goes on, from any thread and in any order: so many of so many are done.
+    fn progress(&self, done: usize, total: usize) {
+        let _ = (done, total);
+    }
 }
 
 /// Why a caller wants a computation to end.

@@ -8,6 +8,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::{Control, MapFeatures, Registration};
+use crate::geometry::Pose2;
 use crate::grid::OccupancyGrid;
 
 /// A way to register two maps. Deterministic: same maps, same answer, to the byte, on any number of threads.
@@ -20,6 +21,21 @@ pub trait Method: Send + Sync {
 
     /// The pose of the moving map's frame in the fixed map's frame, or why not. Looks at `control` between stages.
     fn register(&self, fixed: &MapFeatures, moving: &MapFeatures, control: &dyn Control) -> Registration;
+
+    /// Whether the maps confirm a pose that is known from elsewhere, and the best pose near it. Accepted: the maps agree
+    /// there. Rejected: they do not, and nothing else was looked for. The evidence may lack a runner-up.
+    ///
+    /// The default is the full search; a method that can look at one place only should do so.
+    fn verify_at(
+        &self,
+        fixed: &MapFeatures,
+        moving: &MapFeatures,
+        pose_fixed_moving: Pose2,
+        control: &dyn Control,
+    ) -> Registration {
+        let _ = pose_fixed_moving;
+        self.register(fixed, moving, control)
+    }
 }
 
 /// The names of the methods.

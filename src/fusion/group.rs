@@ -1,0 +1,244 @@
+//! Many maps: from pairs to one consistent pose for each map that can be placed.
+//!
+//! **Method.**
+//!
+//! 1. Maps with known poses are looked at there (`known_poses`).
+//! 2. All other pairs are registered, in parallel.
+//! 3. Of the accepted pairs the heaviest set that can be true together is kept (`consistency`); none may join maps that
+//!    an operator keeps apart.
+//! 4. An operator's guess decides between the candidates of a pair that was not accepted.
+//! 5. Groups that stand apart are joined, the surest first, by candidates on which several pairs agree (`joint`), then
+//!    by registering the groups themselves, each fused into one map: such a map shows more of what the other has seen,
+//!    and more that contradicts a wrong place, than any of its parts (`bridges`).
+//! 6. After each step the poses are those of the pose graph (`pose_graph`).
+//!
+//! **Cost.** n (n - 1) / 2 registrations when nothing is known beforehand.
+//!
+//! The order in which the maps are given, and the number of threads, change nothing.
+
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::bridges::Bridges;
+use super::input::{Prior, WeldInput, WeldOptions};
+use super::known_poses::{self, KnownPoses};
+use super::layout::{Layout, Link, lay_out};
+use super::maps::{Maps, Stages, stop_of};
+use super::outcome::{PairCheck, PairRecord, PairRole, RegisteredSet, WeldError};
+use super::union_find::UnionFind;
+use super::{Edge, Verdict, report, verdicts};
+use crate::registration::{Candidate, Control, Registration};
+
+/// Places all maps that can be placed.
+///
+/// # Errors
+/// [`WeldError`] when an input is out of range, or the caller stops it.
+pub fn register_set(
+    inputs: &[WeldInput],
+    options: &WeldOptions,
+    control: &dyn Control,
+) -> Result<RegisteredSet, WeldError> {
+    let mut stages = Stages::start(control);
+    let maps = Maps::new(inputs, options, control)?;
+    stages.ended("features");
+    maps.go_on()?;
+    let known = known_poses::look(&maps)?;
+    stages.ended("known poses");
+    let mut pairs = registered_pairs(&maps, &known)?;
+    stages.ended("pairs");
+    let mut links = consistent_links(&maps, &mut pairs);
+    follow_guesses(&maps, &known, &mut pairs, &mut links);
+    let mut layout = lay_out(&maps, &mut links);
+    stages.ended("placement");
+    let mut bridges = Bridges::default();
+    while bridges.join_one(&maps, &mut pairs, &mut links, &layout)? {
+        layout = lay_out(&maps, &mut links);
+    }
+    stages.ended("bridges");
+    settle_roles(&mut pairs, &links);
+    Ok(report::report(&maps, &known, pairs, &links, &layout, bridges, stages))
+}
+
+/// Step 2, with the answers of step 1: every pair of maps, by index.
+fn registered_pairs(maps: &Maps<'_>, known: &KnownPoses) -> Result<Vec<PairRecord>, WeldError> {
+    let pairs: Vec<(usize, usize)> = (0..maps.len())
+        .flat_map(|a| (a + 1..maps.len()).map(move |b| (a, b)))
+        .collect();
+    let (total, done) = (pairs.len(), AtomicUsize::new(0));
+    let records: Vec<PairRecord> = pairs
+        .into_par_iter()
+        .map(|(a, b)| {
+            let record = record(maps, known, a, b);
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            maps.control.progress(done, total);
+            record
+        })
+        .collect();
+    maps.go_on()?;
+    match records.iter().find_map(|record| stop_of(record.registration.as_ref()?)) {
+        Some(stop) => Err(WeldError::Stopped(stop)),
+        None => Ok(records),
+    }
+}
+
+fn record(maps: &Maps<'_>, known: &KnownPoses, a: usize, b: usize) -> PairRecord {
+    let is_this = |fixed: usize, moving: usize| (fixed.min(moving), fixed.max(moving)) == (a, b);
+    let mut record = PairRecord {
+        fixed: a,
+        moving: b,
+        check: PairCheck::NotNeeded,
+        registration: None,
+        role: PairRole::Unused,
+    };
+    if maps.is_forbidden(a, b) {
+        record.check = PairCheck::Forbidden;
+        return record;
+    }
+    let look = known.looks.iter().find(|look| is_this(look.fixed, look.moving));
+    let settled = known.settled[a] && known.settled[b];
+    if let Some(look) = look.filter(|look| look.holds || settled) {
+        record.check = PairCheck::KnownPose;
+        (record.fixed, record.moving) = (look.fixed, look.moving);
+        record.registration = Some(look.answer.clone());
+    } else if let Some((fixed, moving, pair)) = maps.remembered().find(|(fixed, moving, _)| is_this(*fixed, *moving)) {
+        record.check = PairCheck::Remembered;
+        (record.fixed, record.moving) = (fixed, moving);
+        record.registration = Some(pair.registration.clone());
+    } else if !settled && maps.control.should_stop().is_none() {
+        record.check = PairCheck::Registered;
+        let [fixed, moving] = [a, b].map(|map| &maps.features[map]);
+        record.registration = Some(maps.method().register(fixed, moving, maps.control));
+    }
+    record
+}
+
+/// Step 3.
+fn consistent_links(maps: &Maps<'_>, pairs: &mut [PairRecord]) -> Vec<Link> {
+    let certain = maps.certain_edges().into_iter();
+    let mut links: Vec<Link> = certain.map(|edge| Link { edge, pair: None }).collect();
+    for (index, pair) in pairs.iter().enumerate() {
+        if let Some(Registration::Accepted(accepted)) = &pair.registration {
+            links.push(Link {
+                edge: Edge {
+                    a: pair.fixed,
+                    b: pair.moving,
+                    pose_a_b: accepted.pose_fixed_moving,
+                    covariance: accepted.covariance,
+                    weight: accepted.evidence.score,
+                    certain: false,
+                },
+                pair: Some(index),
+            });
+        }
+    }
+    let edges: Vec<Edge> = links.iter().map(|link| link.edge.clone()).collect();
+    let verdicts = verdicts(&maps.moments, &edges, &maps.options.consistency);
+    let mut kept = Vec::new();
+    for (link, verdict) in links.into_iter().zip(verdicts) {
+        match (verdict, link.pair) {
+            (Verdict::Kept, _) => kept.push(link),
+            (_, Some(pair)) => pairs[pair].role = PairRole::Contradicted,
+            (_, None) => {}
+        }
+    }
+    keep_apart(maps, pairs, kept)
+}
+
+/// The links that join no two maps that an operator keeps apart, the heaviest first come.
+fn keep_apart(maps: &Maps<'_>, pairs: &mut [PairRecord], mut links: Vec<Link>) -> Vec<Link> {
+    if maps.options.forbidden.is_empty() {
+        return links;
+    }
+    links.sort_by(|x, y| {
+        (y.edge.certain.cmp(&x.edge.certain))
+            .then(y.edge.weight.total_cmp(&x.edge.weight))
+            .then(x.pair.cmp(&y.pair))
+    });
+    let mut groups = UnionFind::new(maps.len());
+    links.retain(|link| {
+        let allowed = may_join(maps, &groups, link.edge.a, link.edge.b);
+        match (allowed, link.pair) {
+            (true, _) => {
+                groups.join(link.edge.a, link.edge.b);
+            }
+            (false, Some(pair)) => pairs[pair].role = PairRole::Forbidden,
+            (false, None) => {}
+        }
+        allowed
+    });
+    links
+}
+
+fn may_join(maps: &Maps<'_>, groups: &UnionFind, a: usize, b: usize) -> bool {
+    let of = |map: usize| (0..maps.len()).filter(move |&other| groups.same(map, other));
+    of(a).all(|one| of(b).all(|other| !maps.is_forbidden(one, other)))
+}
+
+/// Step 4.
+fn follow_guesses(maps: &Maps<'_>, known: &KnownPoses, pairs: &mut [PairRecord], links: &mut Vec<Link>) {
+    let guessed = |map: usize| matches!(maps.inputs[map].prior, Some(Prior::Guess { .. }));
+    let mut groups = UnionFind::new(maps.len());
+    for link in &*links {
+        groups.join(link.edge.a, link.edge.b);
+    }
+    for (index, pair) in pairs.iter_mut().enumerate() {
+        let (a, b) = (pair.fixed, pair.moving);
+        let wanted = (guessed(a) || guessed(b)) && known.poses[a].is_some() && known.poses[b].is_some();
+        let Some(Registration::Rejected(rejection)) = &pair.registration else {
+            continue;
+        };
+        if !wanted || groups.same(a, b) || !may_join(maps, &groups, a, b) {
+            continue;
+        }
+        let (pose, reach) = known_poses::relative(&known.poses, a, b);
+        let near = |candidate: &Candidate| maps.moments[b].distance(candidate.pose_fixed_moving, pose) <= reach;
+        if let Some(chosen) = rejection.candidates.iter().position(near) {
+            pair.role = PairRole::GuessSupport(chosen);
+            links.push(candidate_link(pair, chosen, index));
+            groups.join(a, b);
+        }
+    }
+}
+
+/// The link that a candidate of a rejected pair makes.
+pub(super) fn candidate_link(pair: &PairRecord, candidate: usize, index: usize) -> Link {
+    let Some(Registration::Rejected(rejection)) = &pair.registration else {
+        unreachable!("invariant: only rejected pairs have candidates")
+    };
+    let candidate = &rejection.candidates[candidate];
+    Link {
+        edge: Edge {
+            a: pair.fixed,
+            b: pair.moving,
+            pose_a_b: candidate.pose_fixed_moving,
+            covariance: candidate.covariance,
+            weight: candidate.evidence.score,
+            certain: false,
+        },
+        pair: Some(index),
+    }
+}
+
+/// What each pair's answer was used for, now that it is known which links last.
+fn settle_roles(pairs: &mut [PairRecord], links: &[Link]) {
+    for (index, pair) in pairs.iter_mut().enumerate() {
+        let lasts = links.iter().any(|link| link.pair == Some(index));
+        let accepted = pair
+            .registration
+            .as_ref()
+            .is_some_and(|answer| answer.accepted().is_some());
+        pair.role = match (pair.role, lasts, accepted) {
+            (PairRole::Forbidden, false, _) => PairRole::Forbidden,
+            (_, true, true) => PairRole::Support,
+            (_, false, true) => PairRole::Contradicted,
+            (role, true, false) => role,
+            (_, false, false) => PairRole::Unused,
+        };
+    }
+}
+
+/// Whether two groups hold maps that an operator keeps apart.
+pub(super) fn kept_apart(maps: &Maps<'_>, layout: &Layout, a: usize, b: usize) -> bool {
+    let of = |first: usize| (0..maps.len()).filter(move |&map| layout.first[map] == first);
+    of(a).any(|one| of(b).any(|other| maps.is_forbidden(one, other)))
+}

@@ -1,0 +1,384 @@
+//! The whole story with a scripted method: who is placed, who is not, and why.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::*;
+use crate::fusion::scripted::{Scripted, evidence, nothing, world};
+use crate::fusion::{
+    Basis, Earlier, KnownPair, Moments, NotPlacedReason, PairCheck, PairRole, Placement, Prior, RegisteredSet,
+};
+use crate::geometry::{Angle, Pose2};
+use crate::grid::{LogOdds, OccupancyGrid};
+use crate::registration::{Acceptance, Covariance, Registration, Stop, Unhurried};
+
+const FAR: f64 = 40.0;
+
+fn off(x: f64) -> Pose2 {
+    Pose2::new(x, -x / 2.0, Angle::from_degrees(90.0))
+}
+
+fn pose_of(set: &RegisteredSet, map: usize) -> Option<Pose2> {
+    set.placements[map].placed().map(|placed| placed.pose_anchor_map)
+}
+
+fn is_placed_right(set: &RegisteredSet, truth: &[Pose2], inputs: &[WeldInput], map: usize) -> bool {
+    let wanted = truth[0].inverse() * truth[map];
+    pose_of(set, map).is_some_and(|pose| Moments::of(&inputs[map].grid).distance(pose, wanted) < 1e-6)
+}
+
+fn reason(set: &RegisteredSet, map: usize) -> NotPlacedReason {
+    match &set.placements[map] {
+        Placement::NotPlaced(not_placed) => not_placed.reason,
+        Placement::Placed(_) => panic!("map {map} is placed"),
+    }
+}
+
+#[test]
+fn maps_in_a_chain_are_placed_in_the_anchors_frame_and_fused() {
+    let (truth, inputs) = world(4);
+    let mut script = Scripted::default();
+    (0..3).for_each(|map| script.accept(&truth, map, map + 1, 100.0));
+    let (method, options) = script.options();
+    let weld = weld(&inputs, &options, &Unhurried).expect("it welds");
+    assert!((0..4).all(|map| is_placed_right(&weld.set, &truth, &inputs, map)));
+    assert_eq!(method.searched(), 6);
+    assert_eq!(pose_of(&weld.set, 0), Some(Pose2::IDENTITY));
+    let placed = weld.set.placements[1].placed().expect("placed");
+    assert_eq!((placed.basis, placed.supporting_pairs.len()), (Basis::Registered, 2));
+    assert_eq!(placed.verification_index, Some(0.97));
+    assert_eq!(weld.set.groups.len(), 1);
+    assert!(weld.fused.grid.lattice().cell_count() > 2400);
+    assert_eq!(weld.set.stages.last().expect("stages").stage, "fusion");
+}
+
+#[test]
+fn the_order_of_the_maps_and_the_number_of_threads_change_no_byte() {
+    let (truth, inputs) = world(5);
+    let script = || {
+        let mut script = Scripted::default();
+        for map in 0..4 {
+            script.accept_off(
+                &truth,
+                map,
+                map + 1,
+                100.0,
+                Pose2::new(0.013, 0.007, Angle::from_radians(0.001)),
+            );
+        }
+        script.accept_off(&truth, 0, 2, 70.0, Pose2::new(-0.02, 0.01, Angle::ZERO));
+        script.accept_off(&truth, 1, 4, 60.0, Pose2::new(0.02, 0.03, Angle::from_radians(-0.002)));
+        script.options().1
+    };
+    let weld_in = |order: &[usize]| {
+        let given: Vec<WeldInput> = order.iter().map(|&map| inputs[map].clone()).collect();
+        let mut options = script();
+        options.anchor = order.iter().position(|&map| map == 0).expect("the anchor is there");
+        weld(&given, &options, &Unhurried).expect("it welds")
+    };
+    let first = weld_in(&[0, 1, 2, 3, 4]);
+    let order = [3, 1, 4, 0, 2];
+    let second = weld_in(&order);
+    assert_eq!(first.fused, second.fused);
+    for (at, &map) in order.iter().enumerate() {
+        assert_eq!(first.set.placements[map], second.set.placements[at]);
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+    let alone = pool.install(|| weld_in(&[0, 1, 2, 3, 4]));
+    assert_eq!(alone.fused, first.fused);
+    assert_eq!(alone.set.pairs, first.set.pairs);
+}
+
+#[test]
+fn one_wrong_pair_among_well_connected_maps_is_found_out() {
+    let (truth, inputs) = world(4);
+    let mut script = Scripted::default();
+    for (a, b) in [(0, 1), (1, 2), (0, 2), (1, 3), (2, 3)] {
+        script.accept(&truth, a, b, 100.0);
+    }
+    script.accept_off(&truth, 0, 3, 150.0, off(5.0));
+    let set = register_set(&inputs, &script.options().1, &Unhurried).expect("it registers");
+    assert!((0..4).all(|map| is_placed_right(&set, &truth, &inputs, map)));
+    let wrong = set
+        .pairs
+        .iter()
+        .find(|pair| (pair.fixed, pair.moving) == (0, 3))
+        .expect("listed");
+    assert_eq!(wrong.role, PairRole::Contradicted);
+}
+
+#[test]
+fn a_map_that_contradicting_pairs_want_elsewhere_is_left_out() {
+    let (truth, inputs) = world(3);
+    let mut script = Scripted::default();
+    script.accept(&truth, 0, 1, 300.0);
+    script.accept(&truth, 1, 2, 60.0);
+    script.accept_off(&truth, 0, 2, 50.0, off(6.0));
+    let set = register_set(&inputs, &script.options().1, &Unhurried).expect("it registers");
+    assert!(is_placed_right(&set, &truth, &inputs, 1));
+    assert_eq!(reason(&set, 2), NotPlacedReason::Contradicted);
+}
+
+#[test]
+fn groups_that_cannot_be_joined_are_told_as_groups() {
+    let (truth, inputs) = world(5);
+    let mut script = Scripted::default();
+    script.accept(&truth, 0, 1, 100.0);
+    script.accept(&truth, 2, 3, 100.0);
+    let set = register_set(&inputs, &script.options().1, &Unhurried).expect("it registers");
+    let members: Vec<Vec<usize>> = set
+        .groups
+        .iter()
+        .map(|group| group.members.iter().map(|m| m.map).collect())
+        .collect();
+    assert_eq!(members, [vec![0, 1], vec![2, 3], vec![4]]);
+    assert_eq!(reason(&set, 3), NotPlacedReason::OtherGroup(1));
+    assert!(matches!(
+        reason(&set, 4),
+        NotPlacedReason::Pairs(crate::registration::Reason::NoOverlap { .. })
+    ));
+    let wanted = truth[2].inverse() * truth[3];
+    assert!(Moments::of(&inputs[3].grid).distance(set.groups[1].members[1].pose_group_map, wanted) < 1e-6);
+}
+
+#[test]
+fn an_anchor_that_nobody_joins_is_alone_and_the_others_are_not_placed() {
+    let (truth, inputs) = world(3);
+    let mut script = Scripted::default();
+    script.accept(&truth, 1, 2, 100.0);
+    let weld = weld(&inputs, &script.options().1, &Unhurried).expect("it welds");
+    assert_eq!(weld.fused.grid, *inputs[0].grid);
+    assert_eq!(reason(&weld.set, 1), NotPlacedReason::OtherGroup(1));
+    assert_eq!(weld.set.groups[0].members.len(), 1);
+}
+
+#[test]
+fn ambiguous_pairs_that_agree_bridge_two_groups() {
+    let (truth, inputs) = world(4);
+    let mut script = Scripted::default();
+    script.accept(&truth, 0, 1, 100.0);
+    script.accept(&truth, 2, 3, 100.0);
+    script.ambiguous(&truth, 0, 2, &[(60.0, off(9.0)), (58.0, Pose2::IDENTITY)]);
+    script.ambiguous(&truth, 1, 3, &[(70.0, Pose2::IDENTITY), (60.0, off(-7.0))]);
+    let set = register_set(&inputs, &script.options().1, &Unhurried).expect("it registers");
+    assert!((0..4).all(|map| is_placed_right(&set, &truth, &inputs, map)));
+    let role = |a: usize, b: usize| {
+        set.pairs
+            .iter()
+            .find(|p| (p.fixed, p.moving) == (a, b))
+            .expect("listed")
+            .role
+    };
+    assert_eq!(role(0, 2), PairRole::JointSupport(1));
+    assert_eq!(role(1, 3), PairRole::JointSupport(0));
+}
+
+#[test]
+fn one_ambiguous_pair_bridges_nothing() {
+    let (truth, inputs) = world(3);
+    let mut script = Scripted::default();
+    script.accept(&truth, 0, 1, 100.0);
+    script.ambiguous(&truth, 0, 2, &[(60.0, Pose2::IDENTITY), (50.0, off(9.0))]);
+    let set = register_set(&inputs, &script.options().1, &Unhurried).expect("it registers");
+    assert!(matches!(
+        reason(&set, 2),
+        NotPlacedReason::Pairs(crate::registration::Reason::Ambiguous { .. })
+    ));
+}
+
+#[test]
+fn a_group_fused_into_one_map_may_be_registered_where_its_parts_were_not() {
+    let (truth, inputs) = world(3);
+    let mut script = Scripted::default();
+    script.accept(&truth, 0, 1, 100.0);
+    script.group = Some(Registration::Accepted(Acceptance {
+        pose_fixed_moving: truth[0].inverse() * truth[2],
+        covariance: Covariance::diagonal(0.02, 0.002),
+        evidence: evidence(80.0),
+        stages: Vec::new(),
+    }));
+    let (_, options) = script.options();
+    let set = register_set(&inputs, &options, &Unhurried).expect("it registers");
+    assert!(is_placed_right(&set, &truth, &inputs, 2));
+    assert!(
+        set.bridges
+            .iter()
+            .any(|bridge| bridge.joined && bridge.fixed == [0, 1] && bridge.moving == [2])
+    );
+}
+
+#[test]
+fn maps_that_must_not_be_merged_are_kept_apart_even_by_way_of_others() {
+    let (truth, inputs) = world(3);
+    let mut script = Scripted::default();
+    script.accept(&truth, 0, 1, 100.0);
+    script.accept(&truth, 0, 2, 80.0);
+    script.accept(&truth, 1, 2, 300.0);
+    let (method, mut options) = script.options();
+    options.forbidden.push([2, 1]);
+    let set = register_set(&inputs, &options, &Unhurried).expect("it registers");
+    assert_eq!(method.searched(), 2);
+    assert!(is_placed_right(&set, &truth, &inputs, 1));
+    assert_eq!(reason(&set, 2), NotPlacedReason::Forbidden);
+}
+
+#[test]
+fn a_fixed_pose_holds_against_all_maps_and_places_what_hangs_on_it() {
+    let (truth, mut inputs) = world(3);
+    let mut script = Scripted::default();
+    script.accept(&truth, 1, 2, 100.0);
+    inputs[1].prior = Some(Prior::Fixed(truth[1]));
+    let set = register_set(&inputs, &script.options().1, &Unhurried).expect("it registers");
+    let placed = set.placements[1].placed().expect("placed");
+    assert_eq!((placed.basis, placed.pose_anchor_map), (Basis::Operator, truth[1]));
+    assert!(placed.verification_index.is_some() && is_placed_right(&set, &truth, &inputs, 2));
+}
+
+#[test]
+fn a_guess_decides_between_hypotheses_that_the_maps_cannot_tell_apart() {
+    let (truth, mut inputs) = world(2);
+    let mut script = Scripted::default();
+    script.ambiguous(&truth, 0, 1, &[(60.0, off(9.0)), (58.0, Pose2::IDENTITY)]);
+    let about = truth[1] * Pose2::new(0.5, 0.3, Angle::from_degrees(5.0));
+    inputs[1].prior = Some(Prior::Guess {
+        pose_anchor_map: about,
+        reach_m: 1.5,
+    });
+    let set = register_set(&inputs, &script.options().1, &Unhurried).expect("it registers");
+    assert!(is_placed_right(&set, &truth, &inputs, 1));
+    assert_eq!(set.pairs[0].role, PairRole::GuessSupport(1));
+}
+
+fn earlier(pose_anchor_map: Pose2, previous: Option<Arc<OccupancyGrid>>) -> Prior {
+    Prior::Earlier(Earlier {
+        pose_anchor_map,
+        previous,
+    })
+}
+
+#[test]
+fn maps_with_known_poses_are_only_looked_at_there() {
+    let (truth, mut inputs) = world(4);
+    let mut script = Scripted::default();
+    for (a, b) in [(0, 1), (1, 2), (0, 2), (2, 3)] {
+        script.accept(&truth, a, b, 100.0);
+    }
+    for (map, input) in inputs.iter_mut().enumerate().take(3) {
+        input.prior = Some(earlier(truth[map], Some(input.grid.clone())));
+    }
+    let (method, options) = script.options();
+    let set = register_set(&inputs, &options, &Unhurried).expect("it registers");
+    assert!((0..4).all(|map| is_placed_right(&set, &truth, &inputs, map)));
+    // only the new map is searched for, against all three
+    assert_eq!((method.looked(), method.searched()), (3, 3));
+    assert_eq!(set.placements[1].placed().expect("placed").basis, Basis::KnownPose);
+    assert_eq!(set.placements[3].placed().expect("placed").basis, Basis::Registered);
+    assert_eq!(set.pairs[0].check, PairCheck::KnownPose);
+}
+
+#[test]
+fn a_known_pose_that_holds_no_longer_is_searched_for_again() {
+    let (truth, mut inputs) = world(3);
+    let mut script = Scripted::default();
+    for (a, b) in [(0, 1), (1, 2), (0, 2)] {
+        script.accept(&truth, a, b, 100.0);
+    }
+    inputs[1].prior = Some(earlier(truth[1], None));
+    inputs[2].prior = Some(earlier(truth[2] * Pose2::new(1.5, 0.0, Angle::ZERO), None));
+    let (method, options) = script.options();
+    let set = register_set(&inputs, &options, &Unhurried).expect("it registers");
+    assert!((0..3).all(|map| is_placed_right(&set, &truth, &inputs, map)));
+    assert_eq!(method.searched(), 2);
+    assert_eq!(set.placements[2].placed().expect("placed").basis, Basis::Registered);
+}
+
+#[test]
+fn pairs_that_were_registered_before_are_not_registered_again() {
+    let (truth, inputs) = world(3);
+    let mut script = Scripted::default();
+    script.accept(&truth, 0, 1, 100.0);
+    script.accept(&truth, 1, 2, 100.0);
+    let first = register_set(&inputs, &script.options().1, &Unhurried).expect("it registers");
+    let (method, mut options) = Scripted::default().options();
+    options.known_pairs = first
+        .pairs
+        .iter()
+        .map(|pair| KnownPair {
+            fixed: pair.fixed,
+            moving: pair.moving,
+            registration: pair.registration.clone().expect("registered"),
+        })
+        .collect();
+    let second = register_set(&inputs, &options, &Unhurried).expect("it registers");
+    assert_eq!(method.searched(), 0);
+    assert_eq!(first.placements, second.placements);
+}
+
+#[test]
+fn a_robot_whose_own_frame_has_moved_is_found_out() {
+    let (truth, mut inputs) = world(2);
+    // a wall across the map, and the same wall a metre further in the earlier map
+    let wall = |row: usize| {
+        let mut grid = OccupancyGrid::clone(&inputs[1].grid);
+        grid.cells_mut()[row * 60..row * 60 + 60].fill(LogOdds::OCCUPIED);
+        Arc::new(grid)
+    };
+    let (previous, current) = (wall(30), wall(20));
+    inputs[1].grid = current;
+    inputs[1].prior = Some(earlier(truth[1], Some(previous.clone())));
+    let (_, options) = Scripted::default().options();
+    let set = register_set(&inputs, &options, &Unhurried).expect("it registers");
+    let Placement::NotPlaced(not_placed) = &set.placements[1] else {
+        panic!("nothing joins the maps")
+    };
+    assert_eq!(not_placed.frame_jump.expect("noticed").pose_previous_current, None);
+    inputs[1].prior = Some(earlier(truth[1], Some(inputs[1].grid.clone())));
+    let set = register_set(&inputs, &options, &Unhurried).expect("it registers");
+    let Placement::NotPlaced(not_placed) = &set.placements[1] else {
+        panic!("nothing joins the maps")
+    };
+    assert_eq!(not_placed.frame_jump, None);
+}
+
+struct Late;
+
+impl Control for Late {
+    fn now(&self) -> Duration {
+        Duration::ZERO
+    }
+
+    fn should_stop(&self) -> Option<Stop> {
+        Some(Stop::Deadline)
+    }
+}
+
+#[test]
+fn a_weld_that_is_stopped_gives_no_answer() {
+    let (_, inputs) = world(2);
+    let error = weld(&inputs, &Scripted::default().options().1, &Late).expect_err("stopped");
+    assert_eq!(error, WeldError::Stopped(Stop::Deadline));
+}
+
+#[test]
+fn inputs_out_of_range_are_refused_with_what_is_wrong() {
+    let (truth, mut inputs) = world(2);
+    let options = || Scripted::default().options().1;
+    assert_eq!(weld(&[], &options(), &Unhurried).expect_err("none"), WeldError::NoMaps);
+    let mut far = options();
+    far.anchor = 7;
+    let error = weld(&inputs, &far, &Unhurried).expect_err("no such map").to_string();
+    assert_eq!(
+        error,
+        "the anchor names map 7, but there are only 2 maps, counted from 0"
+    );
+    inputs[1].prior = Some(Prior::Fixed(truth[1]));
+    let mut apart = options();
+    apart.forbidden.push([0, 1]);
+    assert!(weld(&inputs, &apart, &Unhurried).is_err());
+    inputs[1].prior = Some(Prior::Fixed(Pose2::new(FAR * 1e6, 0.0, Angle::ZERO)));
+    let error = weld(&inputs, &options(), &Unhurried)
+        .expect_err("too large")
+        .to_string();
+    assert!(error.contains("limit of 400000000 cells"), "{error}");
+    assert_eq!(nothing().accepted(), None);
+}
