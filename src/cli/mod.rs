@@ -4,6 +4,7 @@
 //! Exit codes, the same for every subcommand: 0 done; 1 something failed that is not the caller's fault; 2 bad input,
 //! from an unknown option to a map that cannot be decoded; 3 done, but some maps were not placed.
 
+mod evaluate;
 mod failure;
 pub mod files;
 pub mod placements;
@@ -36,6 +37,7 @@ pub struct Cli {
 enum Command {
     #[cfg(feature = "client")]
     Push(push::Push),
+    Evaluate(evaluate::Evaluate),
 }
 
 /// How a subcommand ended when it did not fail.
@@ -82,6 +84,7 @@ impl Command {
         match self {
             #[cfg(feature = "client")]
             Self::Push(push) => push.run(),
+            Self::Evaluate(evaluate) => evaluate.run(),
         }
     }
 }

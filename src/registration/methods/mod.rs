@@ -1,6 +1,8 @@
 //! The registration methods behind one trait, and their choice by name.
 //!
-//! Each method is a file of its own. `hough-peaks` is the paper's pipeline.
+//! Each method is a file of its own. `hough` is the default; `hough-peaks` is the paper's pipeline.
+
+pub mod hough;
 
 use std::fmt;
 use std::str::FromStr;
@@ -42,18 +44,21 @@ pub trait Method: Send + Sync {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MethodName {
+    /// Hough spectrum, signed correlation, point-to-line refinement, decision by distinctness.
+    Hough,
     /// The paper's pipeline (Saeedi et al., Algorithms 1 and 2).
     HoughPeaks,
 }
 
 impl MethodName {
     /// All methods, the default first.
-    pub const ALL: [Self; 1] = [Self::HoughPeaks];
+    pub const ALL: [Self; 2] = [Self::Hough, Self::HoughPeaks];
 
     /// As in `--method`.
     #[must_use]
     pub fn as_str(self) -> &'static str {
         match self {
+            Self::Hough => "hough",
             Self::HoughPeaks => "hough-peaks",
         }
     }

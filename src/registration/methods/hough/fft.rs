@@ -1,0 +1,147 @@
+//! Two-dimensional Fourier transforms with the rows that are all zero left out.
+//!
+//! Shapes and units: an array of `height` rows of `width`; its spectrum is kept TRANSPOSED (`width` rows of `height`), so
+//! that each direction needs one transposition only. Unnormalised both ways: there and back multiplies by the cell count.
+//! Cost: 5 N log2 N flops for N cells, and N complex numbers moved once through memory for the transposition.
+
+use std::sync::{Arc, Mutex};
+
+use rustfft::num_complex::Complex32;
+use rustfft::{Fft, FftPlanner};
+
+/// Twiddle factors, computed once a length.
+pub(super) struct Planner(Mutex<FftPlanner<f32>>);
+
+/// A transform of one size; cheap to clone.
+#[derive(Clone)]
+pub(super) struct Plan {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    rows: Arc<dyn Fft<f32>>,
+    columns: Arc<dyn Fft<f32>>,
+    rows_back: Arc<dyn Fft<f32>>,
+    columns_back: Arc<dyn Fft<f32>>,
+}
+
+impl Planner {
+    pub(super) fn new() -> Self {
+        Self(Mutex::new(FftPlanner::new()))
+    }
+
+    pub(super) fn plan(&self, width: usize, height: usize) -> Plan {
+        let mut planner = self.0.lock().expect("invariant: planning does not panic");
+        Plan {
+            width,
+            height,
+            rows: planner.plan_fft_forward(width),
+            columns: planner.plan_fft_forward(height),
+            rows_back: planner.plan_fft_inverse(width),
+            columns_back: planner.plan_fft_inverse(height),
+        }
+    }
+}
+
+impl Plan {
+    pub(super) fn len(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// The transposed spectrum of `data`, of which only the first `used` rows are not zero. `data` is scratch afterwards.
+    pub(super) fn forward(&self, data: &mut [Complex32], used: usize, spectrum: &mut [Complex32]) {
+        process(&*self.rows, &mut data[..used * self.width]);
+        transpose(data, spectrum, self.width, self.height);
+        process(&*self.columns, spectrum);
+    }
+
+    /// The array of a transposed spectrum, times the cell count. `spectrum` is scratch afterwards.
+    pub(super) fn inverse(&self, spectrum: &mut [Complex32], data: &mut [Complex32]) {
+        process(&*self.columns_back, spectrum);
+        transpose(spectrum, data, self.height, self.width);
+        process(&*self.rows_back, data);
+    }
+}
+
+fn process(fft: &dyn Fft<f32>, rows: &mut [Complex32]) {
+    let mut scratch = vec![Complex32::default(); fft.get_inplace_scratch_len()];
+    fft.process_with_scratch(rows, &mut scratch);
+}
+
+/// `to[x][y] = from[y][x]` in blocks that fit the first cache.
+fn transpose(from: &[Complex32], to: &mut [Complex32], width: usize, height: usize) {
+    const BLOCK: usize = 16;
+    for x0 in (0..width).step_by(BLOCK) {
+        let x1 = (x0 + BLOCK).min(width);
+        for y0 in (0..height).step_by(BLOCK) {
+            let y1 = (y0 + BLOCK).min(height);
+            for x in x0..x1 {
+                for (y, out) in (y0..y1).zip(&mut to[x * height + y0..x * height + y1]) {
+                    *out = from[y * width + x];
+                }
+            }
+        }
+    }
+}
+
+/// The least 2^a 3^b 5^c at or above `least`, with few factors of 5.
+pub(super) fn good_length(least: usize) -> usize {
+    let mut best = usize::MAX;
+    for five in [1, 5, 25] {
+        for three in [1, 3, 9, 27] {
+            let mut length = five * three;
+            while length < least {
+                length *= 2;
+            }
+            best = best.min(length);
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_skipping_transform_equals_the_sum_of_its_definition(values in proptest::collection::vec(-1.0_f32..1.0, 24)) {
+            let plan = Planner::new().plan(6, 8);
+            let mut data = vec![Complex32::default(); 48];
+            for (cell, pair) in data.iter_mut().zip(values.chunks_exact(2)) {
+                *cell = Complex32::new(pair[0], pair[1]);
+            }
+            let original = data.clone();
+            let mut spectrum = vec![Complex32::default(); 48];
+            plan.forward(&mut data, 2, &mut spectrum);
+            for kx in 0..6_usize {
+                for ky in 0..8_usize {
+                    let mut sum = Complex32::default();
+                    for y in 0..8_usize {
+                        for x in 0..6_usize {
+                            let turns = super::super::num::real(kx * x) / 6.0 + super::super::num::real(ky * y) / 8.0;
+                            sum += original[y * 6 + x] * Complex32::from_polar(1.0, -std::f32::consts::TAU * turns);
+                        }
+                    }
+                    prop_assert!((sum - spectrum[kx * 8 + ky]).norm() < 1e-4);
+                }
+            }
+            let mut back = vec![Complex32::default(); 48];
+            plan.inverse(&mut spectrum, &mut back);
+            for (a, b) in back.iter().zip(&original) {
+                prop_assert!((a / 48.0 - b).norm() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn good_lengths_are_short_products_of_small_primes() {
+        assert_eq!(
+            [1, 7, 97, 241, 577, 641].map(good_length),
+            [1, 8, 100, 256, 640, 648].map(|n| good_length(n))
+        );
+        for least in 1..2000 {
+            let length = good_length(least);
+            assert!(length >= least && length <= least + least / 4 + 2);
+        }
+    }
+}

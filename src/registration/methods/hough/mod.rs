@@ -1,0 +1,226 @@
+//! The method `hough`, the default: the Hough spectrum gives the rotations, a signed correlation the shifts, the walls the
+//! rest, and the free space the truth.
+//!
+//! Imports `geometry`, `grid` and what is beside `methods` in the room. Pure.
+
+mod cells;
+mod decision;
+mod features;
+mod fft;
+mod num;
+mod params;
+mod placement;
+mod raster;
+mod refine;
+mod report;
+mod rotation;
+mod score;
+mod shortlist;
+mod spectrum;
+mod translation;
+mod walls;
+
+use std::time::Duration;
+
+use rayon::prelude::*;
+
+pub use params::{HoughParameters, HoughParametersError};
+pub use score::{Score, Tally};
+
+use super::{Method, MethodName};
+use crate::geometry::Pose2;
+use crate::grid::OccupancyGrid;
+use crate::registration::{Control, MapFeatures, Reason, Registration, Rejection, StageTime, Unhurried};
+use decision::{Finalist, decide, rank};
+use features::Features;
+use params::Tolerances;
+use placement::Placement;
+use refine::{COARSE, FINE, refine};
+use report::{Pair, no_structure};
+use score::score;
+use shortlist::shortlist;
+
+/// The method of this module.
+pub struct Hough {
+    parameters: HoughParameters,
+    planner: fft::Planner,
+}
+
+impl Default for Hough {
+    fn default() -> Self {
+        Self {
+            parameters: HoughParameters::default(),
+            planner: fft::Planner::new(),
+        }
+    }
+}
+
+impl Hough {
+    /// The method with parameters of the caller's.
+    ///
+    /// # Errors
+    /// Names the parameter that is out of its range.
+    pub fn new(parameters: HoughParameters) -> Result<Self, HoughParametersError> {
+        Ok(Self {
+            parameters: parameters.checked()?,
+            planner: fft::Planner::new(),
+        })
+    }
+
+    /// The finalists of the search, best first; or why there are none.
+    fn search(&self, pair: &Pair, stages: &mut Stages) -> Result<Vec<Finalist>, Reason> {
+        let (fixed, moving, parameters) = (pair.fixed, pair.moving, &self.parameters);
+        let rotations = rotation::candidates(&fixed.spectrum, &moving.spectrum, parameters.rotations);
+        stages.end("rotation")?;
+
+        let shifts = translation::shifts(&self.planner, fixed, moving, &rotations, parameters);
+        stages.end("translation")?;
+
+        let tolerances = Tolerances::of(fixed, moving);
+        let most = parameters.coarse_samples;
+        let coarse: Vec<(Placement, Score)> = shifts
+            .par_iter()
+            .map(|shift| {
+                let refined = refine(fixed, moving, shift.placement, &COARSE, tolerances.stretch, most);
+                let placement = refined.placement;
+                (placement, score(fixed, moving, placement, tolerances, most))
+            })
+            .collect();
+        stages.end("coarse refinement")?;
+
+        let chosen = shortlist(&coarse, moving.moments, parameters.shortlist);
+        let finalists: Vec<Finalist> = chosen
+            .par_iter()
+            .map(|&index| {
+                let most = parameters.fine_samples;
+                let refined = refine(fixed, moving, coarse[index].0, &FINE, tolerances.stretch, most);
+                let score = score(fixed, moving, refined.placement, tolerances, usize::MAX);
+                Finalist { refined, score }
+            })
+            .collect();
+        let ranked = rank(finalists, moving.moments);
+        stages.end("fine refinement")?;
+        if ranked.is_empty() {
+            return Err(Reason::NoOverlap {
+                score: 0.0,
+                needed: parameters.score_min.into(),
+            });
+        }
+        Ok(ranked)
+    }
+
+    /// All hypotheses that the search looked at closely, best first, with what their scores are made of: for fitting
+    /// the decision.
+    #[must_use]
+    pub fn examine(&self, fixed: &MapFeatures, moving: &MapFeatures) -> Vec<(Pose2, Score)> {
+        let (Some(fixed), Some(moving)) = (fixed.of::<Option<Features>>(), moving.of::<Option<Features>>()) else {
+            return Vec::new();
+        };
+        let pair = ordered(fixed, moving);
+        let ranked = self.search(&pair, &mut Stages::new(&Unhurried)).unwrap_or_default();
+        ranked
+            .iter()
+            .map(|finalist| {
+                let pose = finalist.placement().between_maps(pair.fixed.frame, pair.moving.frame);
+                (if pair.swapped { pose.inverse() } else { pose }, finalist.score)
+            })
+            .collect()
+    }
+}
+
+impl Method for Hough {
+    fn name(&self) -> MethodName {
+        MethodName::Hough
+    }
+
+    fn features(&self, map: &OccupancyGrid) -> MapFeatures {
+        MapFeatures::new(Features::new(map, &self.parameters))
+    }
+
+    fn register(&self, fixed: &MapFeatures, moving: &MapFeatures, control: &dyn Control) -> Registration {
+        let mut stages = Stages::new(control);
+        let maps = [
+            fixed.of::<Option<Features>>().as_ref(),
+            moving.of::<Option<Features>>().as_ref(),
+        ];
+        let reject = |reason, stages: Stages| {
+            Registration::Rejected(Rejection {
+                reason,
+                candidates: Vec::new(),
+                stages: stages.times,
+            })
+        };
+        if let Err(reason) = stages.go_on() {
+            return reject(reason, stages);
+        }
+        if let Some(reason) = no_structure(maps, self.parameters.structure_m) {
+            return reject(reason, stages);
+        }
+        let [Some(fixed), Some(moving)] = maps else {
+            unreachable!("invariant: a map without features has no structure");
+        };
+        let pair = ordered(fixed, moving);
+        let ranked = match self.search(&pair, &mut stages) {
+            Ok(ranked) => ranked,
+            Err(reason) => return reject(reason, stages),
+        };
+        let verdict = decide(&ranked, pair.moving.moments, &self.parameters);
+        let mut answer = pair.tell(&ranked, verdict, &self.parameters);
+        if let Err(reason) = stages.end("decision") {
+            return reject(reason, stages);
+        }
+        match &mut answer {
+            Registration::Accepted(acceptance) => acceptance.stages = stages.times,
+            Registration::Rejected(rejection) => rejection.stages = stages.times,
+        }
+        answer
+    }
+}
+
+/// The map with less structure moves: both ways round the search is the same, and the answers are each other's inverse.
+fn ordered<'a>(fixed: &'a Features, moving: &'a Features) -> Pair<'a> {
+    if fixed.order < moving.order {
+        Pair {
+            fixed: moving,
+            moving: fixed,
+            swapped: true,
+        }
+    } else {
+        Pair {
+            fixed,
+            moving,
+            swapped: false,
+        }
+    }
+}
+
+/// Times the stages and asks between them whether to go on.
+struct Stages<'a> {
+    control: &'a dyn Control,
+    since: Duration,
+    times: Vec<StageTime>,
+}
+
+impl<'a> Stages<'a> {
+    fn new(control: &'a dyn Control) -> Self {
+        Self {
+            control,
+            since: control.now(),
+            times: Vec::new(),
+        }
+    }
+
+    fn go_on(&self) -> Result<(), Reason> {
+        self.control.should_stop().map_or(Ok(()), |stop| Err(stop.into()))
+    }
+
+    fn end(&mut self, stage: &'static str) -> Result<(), Reason> {
+        let now = self.control.now();
+        self.times.push(StageTime {
+            stage,
+            duration: now.saturating_sub(self.since),
+        });
+        self.since = now;
+        self.go_on()
+    }
+}
