@@ -6,6 +6,7 @@ pub mod cli;
 pub mod client;
 pub mod clock;
 pub mod codec;
+pub mod compute;
 pub mod fusion;
 pub mod geometry;
 pub mod grid;

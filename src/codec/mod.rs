@@ -14,7 +14,7 @@ mod occupancy_grid;
 
 pub use digest::{MapDigest, digest};
 pub use error::{CodecError, Warning};
-pub use image::{decode_image, encode_pgm, encode_png};
+pub use image::{decode_cells, decode_image, encode_cells, encode_pgm, encode_png};
 pub use limits::Limits;
 pub use map_meta::{MapMeta, MapMode};
 pub use map_yaml::{MapYaml, encode_yaml};

@@ -1,11 +1,13 @@
 //! Pictures of maps. A picture's first row is on top, a grid's row 0 is the lowest: the only row flip of the crate.
 
+mod cells;
 mod pgm;
 mod png;
 mod shade;
 
 use super::{CodecError, Decoded, Limits, MapMeta};
 use crate::grid::{CellState, Lattice, LogOdds, OccupancyGrid};
+pub use cells::{decode_cells, encode_cells};
 use shade::{Pixels, ShadeTable};
 
 /// Reads a picture, PNG or PGM (P5, P2) as its first bytes tell, as a map whose grey values mean what `meta` says.
