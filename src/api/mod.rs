@@ -17,13 +17,13 @@ mod version;
 pub use job::Job;
 pub use map::{Map, Pushed};
 pub use merge::{
-    Candidate, Evidence, FusedMap, MapPlacement, MergeResult, PairOutcome, PairResult, PlacementStatus, Reason,
-    ReasonCode, RunnerUp, Timings,
+    Basis, Bridge, Candidate, Evidence, FrameJump, FusedMap, Group, GroupMember, MapPlacement, MergeResult, PairCheck,
+    PairOutcome, PairResult, PairRole, PlacementStatus, Reason, ReasonCode, RunnerUp, Timings, Welded,
 };
 pub use page::Page;
-pub use pose::{CellCounts, LatticeInfo, Pose};
+pub use pose::{CellCounts, Pose};
 pub use problem::{FieldError, PROBLEM_JSON, Problem, ProblemCode};
 pub use session::{Robot, Session};
-pub use transforms::{Header, Quaternion, Stamp, Transform, TransformStamped, Transforms, Vector3};
+pub use transforms::{Rotation, Stamp, Transform, TransformHeader, TransformStamped, Transforms, Vector3};
 pub use verbatim::Verbatim;
 pub use version::{Version, VersionInput, VersionSummary};

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::geometry::Pose2;
-use crate::grid::{Lattice, StateCounts};
+use crate::grid::StateCounts;
 
 /// A pose in the plane: metres and radians, x right, y up, counter-clockwise (REP 103).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -53,30 +53,6 @@ impl From<StateCounts> for CellCounts {
             unknown: counts.unknown,
             free: counts.free,
             occupied: counts.occupied,
-        }
-    }
-}
-
-/// Where the cells of a map lie.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct LatticeInfo {
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Side of a cell in metres.
-    pub resolution: f64,
-    /// Pose of the lower-left corner of cell (0, 0) in the map's frame.
-    pub origin: Pose,
-}
-
-impl From<&Lattice> for LatticeInfo {
-    fn from(lattice: &Lattice) -> Self {
-        Self {
-            width: lattice.width(),
-            height: lattice.height(),
-            resolution: lattice.resolution(),
-            origin: lattice.origin().into(),
         }
     }
 }

@@ -14,7 +14,7 @@ pub struct Transforms {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct TransformStamped {
     /// When and in which frame.
-    pub header: Header,
+    pub header: TransformHeader,
     /// The robot's map frame: `ROBOT/map`.
     pub child_frame_id: String,
     /// Its pose in the header's frame.
@@ -23,7 +23,7 @@ pub struct TransformStamped {
 
 /// `std_msgs/Header`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-pub struct Header {
+pub struct TransformHeader {
     /// When the version was published.
     pub stamp: Stamp,
     /// The session frame: the anchor robot's map frame.
@@ -45,7 +45,7 @@ pub struct Transform {
     /// Metres.
     pub translation: Vector3,
     /// A unit quaternion.
-    pub rotation: Quaternion,
+    pub rotation: Rotation,
 }
 
 /// `geometry_msgs/Vector3`.
@@ -61,7 +61,7 @@ pub struct Vector3 {
 
 /// `geometry_msgs/Quaternion`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct Quaternion {
+pub struct Rotation {
     /// 0.
     pub x: f64,
     /// 0.
@@ -83,7 +83,7 @@ impl Transform {
                 y: pose.y,
                 z: 0.0,
             },
-            rotation: Quaternion { x: 0.0, y: 0.0, z, w },
+            rotation: Rotation { x: 0.0, y: 0.0, z, w },
         }
     }
 }

@@ -59,7 +59,7 @@ pub fn sentence(map: &MapPlacement) -> String {
     match map.pose {
         Some(pose) => {
             let Pose { x, y, .. } = pose;
-            let supports = map.supporting_pairs;
+            let supports = map.supporting_pairs.len();
             format!(
                 "{} is placed at x {x:.3} m, y {y:.3} m, yaw {:.2} deg ({supports} supporting)",
                 map.name,
@@ -80,8 +80,8 @@ fn why(map: &MapPlacement, anchor: &str) -> String {
     match &map.reason {
         Some(reason) => reason.message.clone(),
         None if map.name == anchor => "the anchor: the fused map is in its frame".to_owned(),
-        None if map.supporting_pairs == 1 => "1 pair supports it".to_owned(),
-        None => format!("{} pairs support it", map.supporting_pairs),
+        None if map.supporting_pairs.len() == 1 => "1 pair supports it".to_owned(),
+        None => format!("{} pairs support it", map.supporting_pairs.len()),
     }
 }
 
@@ -96,7 +96,7 @@ mod tests {
     fn map(name: &str, placement: &str) -> MapPlacement {
         let digest = "0".repeat(64);
         let text = format!(
-            r#"{{"name":"{name}","digest":"{digest}","covariance":null,"runner_up":null,"supporting_pairs":1,{placement}}}"#
+            r#"{{"name":"{name}","digest":"{digest}","covariance":null,"runner_up":null,"supporting_pairs":[0],{placement}}}"#
         );
         serde_json::from_str(&text).expect("a placement")
     }
