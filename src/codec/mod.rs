@@ -11,6 +11,8 @@ mod limits;
 mod map_meta;
 mod map_yaml;
 mod occupancy_grid;
+mod overlay;
+mod picture;
 
 pub use digest::{MapDigest, digest};
 pub use error::{CodecError, Warning};
@@ -22,6 +24,8 @@ pub use occupancy_grid::{
     CellValues, Header, Info, OccupancyGridMessage, Origin, Position, Quaternion, decode_occupancy_grid,
     encode_occupancy_grid,
 };
+pub use overlay::{OverlayLayer, overlay};
+pub use picture::{Picture, Rgb};
 
 use crate::grid::OccupancyGrid;
 

@@ -6,7 +6,7 @@ mod png;
 mod shade;
 
 use super::{CodecError, Decoded, Limits, MapMeta};
-use crate::grid::{CellState, Lattice, LogOdds, OccupancyGrid};
+use crate::grid::{CellState, Lattice, OccupancyGrid};
 pub use cells::{decode_cells, encode_cells};
 use shade::{Pixels, ShadeTable};
 
@@ -43,11 +43,17 @@ fn assemble(pixels: Pixels, meta: &MapMeta) -> Result<Decoded, CodecError> {
     Ok(Decoded { grid, warnings })
 }
 
-fn flip_rows(cells: &mut [LogOdds], width: usize) {
-    let mut rows = cells.chunks_exact_mut(width);
+/// Turns a picture's rows, the top one first, into a grid's, the lowest first, and back.
+pub(super) fn flip_rows<T>(values: &mut [T], width: usize) {
+    let mut rows = values.chunks_exact_mut(width);
     while let (Some(upper), Some(lower)) = (rows.next(), rows.next_back()) {
         upper.swap_with_slice(lower);
     }
+}
+
+/// The row, counted from the top, of what lies at `row` counted from the bottom; both of `height` rows.
+pub(super) fn flip_row(row: u32, height: u32) -> u32 {
+    height - 1 - row
 }
 
 /// The grid's rows as a picture has them, the highest first, as grey values of trinary map files.
@@ -75,6 +81,11 @@ pub fn encode_png(grid: &OccupancyGrid) -> Vec<u8> {
         ::png::ColorType::Grayscale,
         grey_rows(grid),
     )
+}
+
+/// A colour picture of these rows, the top one first, three samples a pixel.
+pub(super) fn encode_rgb_png(width: u32, height: u32, rows: impl Iterator<Item = impl AsRef<[u8]>>) -> Vec<u8> {
+    png::write(width, height, ::png::ColorType::Rgb, rows)
 }
 
 /// The map as a binary PGM (P5), with the same grey values as [`encode_png`].

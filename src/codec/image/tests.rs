@@ -4,6 +4,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::codec::{MapMode, Warning, decode_map, encode_yaml};
 use crate::geometry::{Angle, Pose2};
+use crate::grid::LogOdds;
 
 fn meta() -> MapMeta {
     MapMeta::new(0.05, Pose2::IDENTITY).expect("valid")
