@@ -12,5 +12,6 @@ pub mod geometry;
 pub mod grid;
 pub mod model;
 pub mod registration;
+pub mod simulation;
 #[cfg(feature = "server")]
 pub mod store;

@@ -12,6 +12,7 @@ pub mod placements;
 mod push;
 #[cfg(any(feature = "client", feature = "server"))]
 mod runtime;
+mod simulate;
 mod stopwatch;
 mod terminal;
 #[cfg(feature = "client")]
@@ -38,6 +39,7 @@ enum Command {
     #[cfg(feature = "client")]
     Push(push::Push),
     Evaluate(evaluate::Evaluate),
+    Simulate(simulate::Simulate),
 }
 
 /// How a subcommand ended when it did not fail.
@@ -85,6 +87,7 @@ impl Command {
             #[cfg(feature = "client")]
             Self::Push(push) => push.run(),
             Self::Evaluate(evaluate) => evaluate.run(),
+            Self::Simulate(simulate) => simulate.run(),
         }
     }
 }
