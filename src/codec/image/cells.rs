@@ -3,10 +3,11 @@
 //! A 16-bit grey PNG, so that other programs can look at it. The grey value of a cell is its log odds in quanta plus
 //! 2^15; unknown is 0. The lattice stands in a text chunk. Only what [`encode_cells`] wrote is read.
 
-use std::io::{Cursor, Write as _};
+use std::io::Cursor;
 
-use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Limits as PngLimits};
+use ::png::{BitDepth, ColorType, Compression, Decoder, Limits as PngLimits};
 
+use super::png::Format;
 use super::{CodecError, flip_rows};
 use crate::geometry::Pose2;
 use crate::grid::{Lattice, LogOdds, OccupancyGrid};
@@ -25,27 +26,24 @@ pub fn encode_cells(grid: &OccupancyGrid) -> Vec<u8> {
     let numbers = [lattice.resolution(), origin.x(), origin.y(), origin.yaw().radians()];
     // the shortest text that reads back as the same number
     let text = numbers.map(|number| format!("{number:?}")).join(" ");
-    let mut bytes = Vec::new();
-    let mut encoder = Encoder::new(&mut bytes, lattice.width(), lattice.height());
-    encoder.set_color(ColorType::Grayscale);
-    encoder.set_depth(BitDepth::Sixteen);
-    encoder.set_compression(Compression::Fast);
-    let written = encoder
-        .add_text_chunk(KEYWORD.to_owned(), text)
-        .and_then(|()| encoder.write_header())
-        .and_then(|mut header| {
-            let mut stream = header.stream_writer()?;
-            let mut line = Vec::with_capacity(2 * lattice.width() as usize);
-            for row in (0..lattice.height()).rev() {
-                line.clear();
-                line.extend(grid.row(row).iter().flat_map(|cell| grey_of(*cell).to_be_bytes()));
-                stream.write_all(&line)?;
-            }
-            stream.finish()?;
-            header.finish()
-        });
-    written.expect("invariant: a vector takes every byte, and lattices fit PNG's 31 bits a side");
-    bytes
+    let format = Format {
+        color: ColorType::Grayscale,
+        depth: BitDepth::Sixteen,
+        compression: Compression::Fast,
+        note: Some((KEYWORD, text)),
+    };
+    let grey_row = |row| -> Vec<u8> {
+        grid.row(row)
+            .iter()
+            .flat_map(|cell| grey_of(*cell).to_be_bytes())
+            .collect()
+    };
+    super::png::write(
+        lattice.width(),
+        lattice.height(),
+        format,
+        (0..lattice.height()).rev().map(grey_row),
+    )
 }
 
 /// The map that [`encode_cells`] wrote.
@@ -73,11 +71,9 @@ pub fn decode_cells(bytes: &[u8]) -> Result<OccupancyGrid, CodecError> {
         let (samples, _) = line.data().as_chunks();
         cells.extend(samples.iter().map(|sample| cell_of(u16::from_be_bytes(*sample))));
     }
-    if cells.len() != count {
-        return Err(bad(format!("{} of {count} cells", cells.len())));
-    }
+    let read = cells.len();
     flip_rows(&mut cells, width as usize);
-    Ok(OccupancyGrid::new(lattice, cells).expect("invariant: counted just before"))
+    OccupancyGrid::new(lattice, cells).ok_or_else(|| bad(format!("{read} of {count} cells")))
 }
 
 fn lattice(width: u32, height: u32, text: &str) -> Result<Lattice, CodecError> {

@@ -7,7 +7,9 @@ mod shade;
 
 use super::{CodecError, Decoded, Limits, MapMeta};
 use crate::grid::{CellState, Lattice, OccupancyGrid};
+use ::png::ColorType;
 pub use cells::{decode_cells, encode_cells};
+use png::Format;
 use shade::{Pixels, ShadeTable};
 
 /// Reads a picture, PNG or PGM (P5, P2) as its first bytes tell, as a map whose grey values mean what `meta` says.
@@ -78,14 +80,14 @@ pub fn encode_png(grid: &OccupancyGrid) -> Vec<u8> {
     png::write(
         lattice.width(),
         lattice.height(),
-        ::png::ColorType::Grayscale,
+        Format::plain(ColorType::Grayscale),
         grey_rows(grid),
     )
 }
 
 /// A colour picture of these rows, the top one first, three samples a pixel.
 pub(super) fn encode_rgb_png(width: u32, height: u32, rows: impl Iterator<Item = impl AsRef<[u8]>>) -> Vec<u8> {
-    png::write(width, height, ::png::ColorType::Rgb, rows)
+    png::write(width, height, Format::plain(ColorType::Rgb), rows)
 }
 
 /// The map as a binary PGM (P5), with the same grey values as [`encode_png`].

@@ -28,27 +28,35 @@ pub(super) fn read(bytes: &[u8], meta: &MapMeta, limits: &Limits) -> Result<Pixe
     }
     let table = ShadeTable::new(meta, 1, max, false);
     let mut pixels = Pixels::new(width, height, meta, limits)?;
-    let mut put = |sample: u32| {
-        if sample > u32::from(max) {
-            return Err(bad(format!(
-                "a pixel is {sample}; it must be at most maxval, which is {max}"
-            )));
-        }
-        pixels.push(&table, sample as usize, true);
-        Ok(())
+    let refuse = |sample: u32| {
+        Err(bad(format!(
+            "a pixel is {sample}; it must be at most maxval, which is {max}"
+        )))
     };
     match (plain, max) {
         (true, _) => {
             for _ in 0..count {
-                put(scanner.number("a pixel")?)?;
+                let sample = scanner.number("a pixel")?;
+                if sample > u32::from(max) {
+                    return refuse(sample);
+                }
+                pixels.extend(&table, std::iter::once(sample as usize));
             }
         }
-        (false, ..256) => raster[..count].iter().try_for_each(|&sample| put(sample.into()))?,
+        (false, ..256) => {
+            let samples = &raster[..count];
+            if let Some(&sample) = samples.iter().find(|&&sample| u16::from(sample) > max) {
+                return refuse(sample.into());
+            }
+            pixels.extend(&table, samples.iter().map(|&sample| sample.into()));
+        }
         (false, _) => {
             let (samples, _) = raster[..least].as_chunks();
-            samples
-                .iter()
-                .try_for_each(|&sample| put(u16::from_be_bytes(sample).into()))?;
+            let samples = samples.iter().map(|&sample| u16::from_be_bytes(sample));
+            if let Some(sample) = samples.clone().find(|&sample| sample > max) {
+                return refuse(sample.into());
+            }
+            pixels.extend(&table, samples.map(usize::from));
         }
     }
     Ok(pixels)

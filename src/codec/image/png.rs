@@ -1,8 +1,11 @@
 //! PNG pictures, row by row.
 
-use std::io::Cursor;
+use std::io::{Cursor, Write as _};
 
-use png::{BitDepth, ColorType, Compression, Decoder, DecodingError, Encoder, Limits as PngLimits, Transformations};
+use png::{
+    BitDepth, ColorType, Compression, Decoder, DecodingError, Encoder, EncodingError, Limits as PngLimits,
+    Transformations,
+};
 
 use super::{CodecError, Limits, MapMeta, Pixels, ShadeTable};
 
@@ -87,48 +90,88 @@ impl Layout {
     }
 
     fn push(&self, bytes: &[u8], table: &ShadeTable, pixels: &mut Pixels) {
-        let samples = usize::from(self.colours) + usize::from(self.alpha);
         if self.wide {
-            let (wide, _) = bytes.as_chunks();
-            for pixel in wide.chunks_exact(samples) {
-                self.push_pixel(pixel.iter().map(|&sample| u16::from_be_bytes(sample)), table, pixels);
-            }
+            let (samples, _) = bytes.as_chunks();
+            self.push_samples(samples, |&sample| u16::from_be_bytes(sample), table, pixels);
         } else {
-            for pixel in bytes.chunks_exact(samples) {
-                self.push_pixel(pixel.iter().map(|&sample| sample.into()), table, pixels);
-            }
+            self.push_samples(bytes, |&sample| u16::from(sample), table, pixels);
         }
     }
 
-    #[inline]
-    fn push_pixel(&self, mut samples: impl Iterator<Item = u16>, table: &ShadeTable, pixels: &mut Pixels) {
-        let sum = samples.by_ref().take(self.colours.into()).map(usize::from).sum();
-        let opaque = samples.next().is_none_or(|alpha| alpha == table.max);
-        pixels.push(table, sum, opaque);
+    fn push_samples<T>(
+        &self,
+        samples: &[T],
+        number: impl Fn(&T) -> u16 + Copy,
+        table: &ShadeTable,
+        pixels: &mut Pixels,
+    ) {
+        let colours = usize::from(self.colours);
+        let sum = move |colours: &[T]| colours.iter().map(|sample| usize::from(number(sample))).sum();
+        if self.alpha {
+            for pixel in samples.chunks_exact(colours + 1) {
+                pixels.push(table, sum(&pixel[..colours]), number(&pixel[colours]) == table.max);
+            }
+        } else if colours == 1 {
+            pixels.extend(table, samples.iter().map(move |sample| number(sample).into()));
+        } else {
+            pixels.extend(table, samples.chunks_exact(colours).map(sum));
+        }
     }
 }
 
-/// A picture of these rows, the top one first, 8 bits a sample; the same bytes for the same picture.
+/// What kind of picture to write.
+pub(super) struct Format<'a> {
+    pub(super) color: ColorType,
+    pub(super) depth: BitDepth,
+    pub(super) compression: Compression,
+    /// Keyword and text of a note in the file.
+    pub(super) note: Option<(&'a str, String)>,
+}
+
+impl Format<'_> {
+    /// Eight bits a sample, no note.
+    pub(super) fn plain(color: ColorType) -> Self {
+        Self {
+            color,
+            depth: BitDepth::Eight,
+            compression: Compression::Balanced,
+            note: None,
+        }
+    }
+}
+
+/// A picture of these rows, the top one first; the same bytes for the same picture.
 pub(super) fn write(
     width: u32,
     height: u32,
-    color: ColorType,
+    format: Format<'_>,
     rows: impl Iterator<Item = impl AsRef<[u8]>>,
 ) -> Vec<u8> {
-    use std::io::Write as _;
     let mut bytes = Vec::new();
-    let mut encoder = Encoder::new(&mut bytes, width, height);
-    encoder.set_color(color);
-    encoder.set_depth(BitDepth::Eight);
-    encoder.set_compression(Compression::Balanced);
-    let written = encoder.write_header().and_then(|mut header| {
-        let mut stream = header.stream_writer()?;
-        for row in rows {
-            stream.write_all(row.as_ref())?;
-        }
-        stream.finish()?;
-        header.finish()
-    });
+    let written = try_write(&mut bytes, width, height, format, rows);
     written.expect("invariant: a vector takes every byte, and lattices fit PNG's 31 bits a side");
     bytes
+}
+
+fn try_write(
+    bytes: &mut Vec<u8>,
+    width: u32,
+    height: u32,
+    format: Format<'_>,
+    rows: impl Iterator<Item = impl AsRef<[u8]>>,
+) -> Result<(), EncodingError> {
+    let mut encoder = Encoder::new(bytes, width, height);
+    encoder.set_color(format.color);
+    encoder.set_depth(format.depth);
+    encoder.set_compression(format.compression);
+    if let Some((keyword, text)) = format.note {
+        encoder.add_text_chunk(keyword.to_owned(), text)?;
+    }
+    let mut header = encoder.write_header()?;
+    let mut stream = header.stream_writer()?;
+    for row in rows {
+        stream.write_all(row.as_ref())?;
+    }
+    stream.finish()?;
+    header.finish()
 }

@@ -89,18 +89,24 @@ impl Pixels {
         })
     }
 
-    /// The next pixel: the sum of its colour samples, and whether nothing shines through.
+    /// The next pixels, all opaque: the sums of their colour samples.
+    pub(super) fn extend(&mut self, table: &ShadeTable, sums: impl Iterator<Item = usize> + Clone) {
+        self.cells.extend(sums.clone().map(|sum| table.cells[sum]));
+        if let Some(grey) = table.unknown_grey {
+            self.unknown_reads_free += sums.filter(|&sum| sum == grey).count();
+        }
+    }
+
+    /// The next pixel of a picture with alpha: the sum of its colour samples, and whether nothing shines through.
     pub(super) fn push(&mut self, table: &ShadeTable, sum: usize, opaque: bool) {
         if !opaque {
             self.cells.push(LogOdds::UNKNOWN);
             return;
         }
-        let cell = table.cells[sum];
-        self.unknown_reads_free += usize::from(table.unknown_grey == Some(sum));
+        self.extend(table, std::iter::once(sum));
         if let Some(averaged) = &table.averaged {
-            self.not_averaged += usize::from(averaged[sum] != cell);
+            self.not_averaged += usize::from(averaged[sum] != table.cells[sum]);
         }
-        self.cells.push(cell);
     }
 
     /// Width, height, cells from the top row on, and what is odd about them.

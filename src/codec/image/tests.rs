@@ -1,4 +1,4 @@
-use ::png::{BitDepth, ColorType};
+use ::png::BitDepth;
 use proptest::prelude::*;
 
 use super::*;

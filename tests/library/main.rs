@@ -1,0 +1,4 @@
+//! The library through its public doors, without any feature: known transforms, refusals, determinism, files.
+
+mod map_files;
+mod shared;
