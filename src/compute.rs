@@ -131,16 +131,20 @@ mod pool {
             });
             match done.await {
                 Ok(Ok(value)) => Ok(value),
-                Ok(Err(panic)) => Err(ComputeError(message(&*panic))),
+                Ok(Err(panic)) => Err(ComputeError::of(&*panic)),
                 Err(error) => Err(ComputeError(error.to_string())),
             }
         }
     }
 
-    fn message(panic: &(dyn Any + Send)) -> String {
-        let text = panic.downcast_ref::<String>().map(String::as_str);
-        let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
-        text.unwrap_or("without a message").to_owned()
+    impl ComputeError {
+        /// The error of a caught panic.
+        #[must_use]
+        pub fn of(panic: &(dyn Any + Send)) -> Self {
+            let text = panic.downcast_ref::<String>().map(String::as_str);
+            let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
+            Self(text.unwrap_or("without a message").to_owned())
+        }
     }
 
     #[cfg(test)]

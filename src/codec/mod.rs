@@ -4,7 +4,6 @@
 //! grid or a [`CodecError`] that names the field, the value and the limit; [`Limits`] hold before memory is taken.
 //! Only `image` turns pictures (first row on top) into grids (row 0 lowest) and back.
 
-mod digest;
 mod error;
 mod image;
 mod limits;
@@ -14,7 +13,6 @@ mod occupancy_grid;
 mod overlay;
 mod picture;
 
-pub use digest::{MapDigest, digest};
 pub use error::{CodecError, Warning};
 pub use image::{decode_cells, decode_image, encode_cells, encode_pgm, encode_png};
 pub use limits::Limits;

@@ -25,12 +25,13 @@ impl Digest {
 
     /// The digest of a map's content: its lattice and every cell, whatever file it came in.
     ///
-    /// Hashed: width and height (u32), resolution, origin x, y and yaw (f64), then each cell from the lowest row on
+    /// Hashed: a tag with the version of this layout, width and height (u32), resolution, origin x, y and yaw (f64), then each cell from the lowest row on
     /// (its log odds in whole quanta as i16, unknown as the least i16), all little-endian.
     #[must_use]
     pub fn of_grid(grid: &OccupancyGrid) -> Self {
         let lattice = grid.lattice();
         let mut hash = Sha256::new();
+        hash.update(b"mapweld map 1\n");
         hash.update(lattice.width().to_le_bytes());
         hash.update(lattice.height().to_le_bytes());
         let origin = lattice.origin();
@@ -149,19 +150,43 @@ mod tests {
         }
     }
 
+    fn grid(width: u32, height: u32, resolution: f64, origin: Pose2) -> OccupancyGrid {
+        OccupancyGrid::unknown(Lattice::new(width, height, resolution, origin).expect("valid"))
+    }
+
     #[test]
-    fn a_map_is_known_by_its_lattice_and_every_cell() {
-        let lattice = |x| Lattice::new(3, 2, 0.05, Pose2::new(x, 0.0, Angle::ZERO)).expect("valid");
-        let grid = OccupancyGrid::unknown(lattice(0.0));
-        let mut seen = grid.clone();
-        seen.cells_mut()[4] = LogOdds::FREE;
-        let moved = OccupancyGrid::unknown(lattice(1.0));
-        assert_eq!(
-            Digest::of_grid(&grid),
-            Digest::of_grid(&OccupancyGrid::unknown(lattice(-0.0)))
-        );
-        assert_ne!(Digest::of_grid(&grid), Digest::of_grid(&seen));
-        assert_ne!(Digest::of_grid(&grid), Digest::of_grid(&moved));
+    fn the_digest_of_a_known_map_never_changes() {
+        let mut map = grid(2, 1, 0.05, Pose2::new(1.0, -2.0, Angle::ZERO));
+        map.cells_mut()[1] = LogOdds::OCCUPIED;
+        let layout = [
+            &b"mapweld map 1\n"[..],
+            &[2, 0, 0, 0, 1, 0, 0, 0],
+            &0.05_f64.to_le_bytes(),
+            &1.0_f64.to_le_bytes(),
+            &(-2.0_f64).to_le_bytes(),
+            &[0; 8],
+            &[0x00, 0x80, 0xc2, 0x02],
+        ];
+        assert_eq!(Digest::of_grid(&map), Digest::of_bytes(&layout.concat()));
+    }
+
+    #[test]
+    fn whatever_differs_between_two_maps_changes_the_digest() {
+        let id = Pose2::IDENTITY;
+        let mut known = grid(6, 1, 0.05, id);
+        known.cells_mut()[0] = LogOdds::from_value(0.0);
+        let maps = [
+            grid(6, 1, 0.05, id),
+            known,
+            grid(3, 2, 0.05, id),
+            grid(6, 1, 0.06, id),
+            grid(6, 1, 0.05, Pose2::new(0.0, 1e-9, Angle::ZERO)),
+            grid(6, 1, 0.05, Pose2::new(0.0, 0.0, Angle::HALF_TURN)),
+        ];
+        let digests: std::collections::BTreeSet<_> = maps.iter().map(Digest::of_grid).collect();
+        assert_eq!(digests.len(), maps.len());
+        let minus_zero = grid(6, 1, 0.05, Pose2::new(-0.0, 0.0, Angle::ZERO));
+        assert_eq!(Digest::of_grid(&minus_zero), Digest::of_grid(&maps[0]), "equal maps");
     }
 
     #[test]

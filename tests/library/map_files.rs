@@ -4,11 +4,12 @@ use std::fs;
 use std::path::Path;
 
 use mapweld::codec::{
-    CodecError, Limits, MapMeta, MapYaml, Warning, decode_image, decode_map, decode_occupancy_grid, digest,
+    CodecError, Limits, MapMeta, MapYaml, Warning, decode_image, decode_map, decode_occupancy_grid,
     encode_occupancy_grid, encode_pgm, encode_png, encode_yaml,
 };
 use mapweld::geometry::{Angle, Pose2};
 use mapweld::grid::{CellState, Lattice, LogOdds, OccupancyGrid};
+use mapweld::model::Digest;
 
 use crate::shared::shared_maps;
 
@@ -70,7 +71,7 @@ fn what_is_written_keeps_its_bytes() {
     assert!(pgm.starts_with(b"P5\n6 5\n255\n\x00\x00\x00\x00\x00\xcd\x00\xfe\xfe\xfe\x00\xcd"));
     assert_eq!(encode_png(&l_shaped()), encode_png(&l_shaped()));
     assert_eq!(
-        digest(&l_shaped()).to_string(),
+        Digest::of_grid(&l_shaped()).to_string(),
         "9fcfb748fee277b9040603c1e54eee6a2f8026928d607e9868adcdb66cefd79a"
     );
 }
@@ -94,7 +95,7 @@ fn a_map_keeps_its_states_through_every_format() {
 fn a_raw_upload_needs_only_resolution_and_origin() {
     let meta = MapMeta::new(0.25, Pose2::new(-1.5, 2.0, Angle::from_radians(0.5))).expect("valid");
     let map = decode_image(&encode_png(&l_shaped()), &meta, &Limits::default()).expect("a good picture");
-    assert_eq!(digest(&map.grid), digest(&l_shaped()));
+    assert_eq!(Digest::of_grid(&map.grid), Digest::of_grid(&l_shaped()));
 }
 
 #[test]
@@ -152,6 +153,6 @@ fn real_maps_are_read_and_written_without_a_change() {
         );
         let yaml = encode_yaml(map.grid.lattice(), "map.png");
         let back = decode_map(yaml.as_bytes(), &encode_png(&map.grid), &Limits::default()).expect("our own map");
-        assert_eq!(digest(&back.grid), digest(&map.grid), "{name}");
+        assert_eq!(Digest::of_grid(&back.grid), Digest::of_grid(&map.grid), "{name}");
     }
 }
