@@ -89,6 +89,10 @@ pub struct MapPair {
 const APART: f64 = 0.6;
 /// Two places of one building have nothing in common below this share of the smaller map.
 const COMMON_MOST: f64 = 0.003;
+/// A preview of a matching pair may miss the wished overlap by this much.
+const OVERLAP_OFF: f64 = 0.12;
+/// Matching maps have at least this much in common, in square metres: a corner of a room tells no pose.
+const COMMON_LEAST: f64 = 8.0;
 /// A map smaller than this is no map, in square metres.
 const AREA_LEAST: f64 = 25.0;
 
@@ -231,7 +235,7 @@ impl PairMaker {
         let mut best: Option<(f64, Tour)> = None;
         for _ in 0..TRIES {
             let [low, high] = match self.relation {
-                Relation::Matching => [0.0, 2.2 * reach * (1.0 - wish).max(0.1)],
+                Relation::Matching => [1.6 * reach * (0.7 - wish).max(0.0), 2.2 * reach * (1.0 - wish).max(0.1)],
                 _ => [reach + 4.0, f64::INFINITY],
             };
             let near = self.sides[0].planner.point_at(&from_fixed, low, high, &mut self.random);
@@ -253,7 +257,7 @@ impl PairMaker {
                 break;
             }
         }
-        best.map(|(_, tour)| tour)
+        best.filter(|(off, _)| *off < OVERLAP_OFF).map(|(_, tour)| tour)
     }
 
     /// The pair of maps, unless they turn out not to be what was asked for.
@@ -285,7 +289,7 @@ impl PairMaker {
         let truth = match self.relation {
             Relation::Matching => {
                 let common = compare(&fixed, &moving, pose_fixed_moving);
-                if !(0.1..=0.92).contains(&common.overlap) {
+                if !(0.1..=0.92).contains(&common.overlap) || common.common_area < COMMON_LEAST {
                     return Ok(None);
                 }
                 if weakly_constrained(&fixed, &moving, pose_fixed_moving) {
