@@ -16,7 +16,7 @@ use super::{Done, Failure, Stopwatch, in_pool, say};
 use crate::codec::Limits;
 use crate::geometry::Pose2;
 use crate::registration::methods::hough::{Hough, HoughParameters};
-use crate::registration::{MapFeatures, Method, MethodName, Registration};
+use crate::registration::{MapFeatures, Method, MethodName, MethodSpec, Registration};
 
 /// Registers every pair of a labelled list and prints one line of JSON a pair.
 #[derive(Debug, Args)]
@@ -70,7 +70,8 @@ impl Evaluate {
     }
 
     fn answer(&self, pairs: &[LabelledPair]) -> Result<Done, Failure> {
-        let hough = self.hough()?;
+        let method = self.spec()?.build();
+        let examined = self.hypotheses.is_some().then(|| self.hough()).transpose()?;
         let folder = self.pairs.parent().unwrap_or(Path::new(""));
         let mut last_use: BTreeMap<&str, usize> = BTreeMap::new();
         for (index, pair) in pairs.iter().enumerate() {
@@ -84,13 +85,13 @@ impl Evaluate {
             bar.inc(1);
             for name in [&pair.fixed, &pair.moving] {
                 if !prepared.contains_key(name.as_str()) {
-                    prepared.insert(name, self.prepare(&hough, &folder.join(name))?);
+                    prepared.insert(name, self.prepare(&*method, &folder.join(name))?);
                 }
             }
             let (fixed, moving) = (&prepared[pair.fixed.as_str()], &prepared[pair.moving.as_str()]);
             let (answer, search) = self.least_time(|| {
                 let watch = Stopwatch::start();
-                let answer = hough.register(&fixed.features, &moving.features, &watch);
+                let answer = method.register(&fixed.features, &moving.features, &watch);
                 (answer, watch.elapsed())
             });
             let mut line = line(&answer);
@@ -101,7 +102,7 @@ impl Evaluate {
             );
             line.insert("search_seconds".into(), json!(search.as_secs_f64()));
             say(&Value::Object(line).to_string())?;
-            if self.hypotheses.is_some() {
+            if let Some(hough) = &examined {
                 let all: Vec<Value> = hough
                     .examine(&fixed.features, &moving.features)
                     .into_iter()
@@ -120,10 +121,16 @@ impl Evaluate {
         Ok(Done::Entirely)
     }
 
+    fn spec(&self) -> Result<MethodSpec, Failure> {
+        let parameters = serde_json::from_str(&self.parameters)
+            .map_err(|error| Failure::BadInput(anyhow::Error::new(error).context("--parameters")))?;
+        MethodSpec::new(self.method, Some(parameters)).map_err(|error| Failure::BadInput(error.into()))
+    }
+
     fn hough(&self) -> Result<Hough, Failure> {
         if self.method != MethodName::Hough {
             return Err(Failure::bad_input(format!(
-                "method {} cannot be evaluated yet",
+                "--hypotheses needs the method hough, not {}",
                 self.method
             )));
         }

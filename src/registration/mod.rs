@@ -9,7 +9,7 @@ mod outcome;
 pub mod overlap;
 
 pub use control::{Control, Stop, Unhurried};
-pub use methods::{Method, MethodName, UnknownMethod};
+pub use methods::{Method, MethodError, MethodName, MethodSpec, UnknownMethod};
 pub use outcome::{Acceptance, Candidate, Covariance, Evidence, Reason, Registration, Rejection, RunnerUp, StageTime};
 
 use std::any::Any;

@@ -42,14 +42,25 @@ impl StateMap {
     /// The states of all cells of a grid.
     #[must_use]
     pub fn new(grid: &OccupancyGrid) -> Self {
-        let lattice = *grid.lattice();
-        let states: Vec<CellState> = grid.cells().iter().map(|cell| cell.state()).collect();
+        Self::from_states(*grid.lattice(), grid.cells().iter().map(|cell| cell.state()).collect())
+    }
+
+    /// A map of these states, row by row from the lowest, as many as the lattice has cells.
+    pub(super) fn from_states(lattice: Lattice, states: Vec<CellState>) -> Self {
+        debug_assert_eq!(states.len(), lattice.cell_count());
         let known_spans = states.chunks(lattice.width() as usize).map(known_span).collect();
+        let of = |wanted| states.iter().filter(|state| **state == wanted).count();
+        let (free, occupied) = (of(CellState::Free), of(CellState::Occupied));
+        let counts = StateCounts {
+            unknown: states.len() - free - occupied,
+            free,
+            occupied,
+        };
         Self {
             lattice,
             states,
             known_spans,
-            counts: grid.state_counts(),
+            counts,
         }
     }
 

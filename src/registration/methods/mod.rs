@@ -1,8 +1,15 @@
 //! The registration methods behind one trait, and their choice by name.
 //!
-//! Each method is a file of its own. `hough` is the default; `hough-peaks` is the paper's pipeline.
+//! Each method is a folder of its own. `hough` is the default; `hough-peaks` is the paper's pipeline.
 
 pub mod hough;
+pub mod hough_peaks;
+mod parameter;
+mod spec;
+
+pub use hough_peaks::{HoughPeaks, HoughPeaksParams};
+pub use parameter::ParameterError;
+pub use spec::{MethodError, MethodSpec};
 
 use std::fmt;
 use std::str::FromStr;
