@@ -24,7 +24,9 @@ use std::time::Duration;
 
 use rayon::prelude::*;
 
-pub use params::{HoughParameters, HoughParametersError};
+pub use params::{
+    BentParameters, CoarseParameters, DecisionParameters, HoughParameters, HoughParametersError, RuleParameters,
+};
 pub use score::{Score, Tally};
 
 use super::{Method, MethodName};
@@ -95,7 +97,7 @@ impl Hough {
                 let most = parameters.fine_samples;
                 let refined = refine(fixed, moving, coarse[index].0, &FINE, tolerances.stretch, most);
                 let score = score(fixed, moving, refined.placement, tolerances, usize::MAX);
-                Finalist { refined, score }
+                Finalist::new(refined, score)
             })
             .collect();
         let ranked = rank(finalists, moving.moments);
@@ -103,7 +105,7 @@ impl Hough {
         if ranked.is_empty() {
             return Err(Reason::NoOverlap {
                 score: 0.0,
-                needed: parameters.score_min.into(),
+                needed: parameters.decision.plain.score_min.into(),
             });
         }
         Ok(ranked)
@@ -160,12 +162,12 @@ impl Method for Hough {
             unreachable!("invariant: a map without features has no structure");
         };
         let pair = ordered(fixed, moving);
-        let ranked = match self.search(&pair, &mut stages) {
+        let mut ranked = match self.search(&pair, &mut stages) {
             Ok(ranked) => ranked,
             Err(reason) => return reject(reason, stages),
         };
-        let verdict = decide(&ranked, pair.moving.moments, &self.parameters);
-        let mut answer = pair.tell(&ranked, verdict, &self.parameters);
+        let verdict = decide(&mut ranked, pair.moving.moments, &self.parameters.decision);
+        let mut answer = pair.tell(&ranked, verdict, &self.parameters.decision);
         if let Err(reason) = stages.end("decision") {
             return reject(reason, stages);
         }

@@ -28,16 +28,8 @@ pub struct HoughParameters {
     pub shortlist: usize,
     /// Metres of wall that a map must have to be registered.
     pub structure_m: f64,
-    /// The least score of an accepted hypothesis.
-    pub score_min: f32,
-    /// Metres of wall that must hold the weaker direction of an accepted hypothesis.
-    pub support_min_m: f32,
-    /// A runner-up below this share of the best score leaves it distinct.
-    pub ratio_max: f32,
-    /// Same, where the runner-up is also below `rival_max`.
-    pub ratio_weak_max: f32,
-    /// See `ratio_weak_max`.
-    pub rival_max: f32,
+    /// When to accept.
+    pub decision: DecisionParameters,
 }
 
 impl Default for HoughParameters {
@@ -52,12 +44,138 @@ impl Default for HoughParameters {
             fine_samples: 1000,
             shortlist: 8,
             structure_m: 5.0,
-            score_min: 40.0,
-            support_min_m: 1.2,
-            ratio_max: 0.22,
-            ratio_weak_max: 0.5,
-            rival_max: 100.0,
+            decision: DecisionParameters::default(),
         }
+    }
+}
+
+/// Parameters of the decision; see `decision` for what the rules are. Where the defaults come from: the labelled maps of
+/// the project (real and simulated), each rule's bounds set a tenth inside of where the first wrong merge appears.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DecisionParameters {
+    /// Maps as robots make them.
+    pub plain: RuleParameters,
+    /// Clean maps.
+    pub strict: RuleParameters,
+    /// Wide or cluttered places at coarse cells.
+    pub coarse: CoarseParameters,
+    /// Great maps that fit only in part.
+    pub bent: BentParameters,
+    /// Metres of wall in a map from which on the least scores grow with the map.
+    pub extent_m: f32,
+    /// A hypothesis is outdone when another finds so many times more wall ...
+    pub outdone_ratio: f32,
+    /// ... and has itself a plain score above this.
+    pub outdone_score: f32,
+    /// The strict rule wants the best other plain score below this share of its own.
+    pub strict_plain_ratio: f32,
+}
+
+/// When one score is distinct.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RuleParameters {
+    /// The least score.
+    pub score_min: f32,
+    /// Metres of wall that must hold the weaker direction.
+    pub support_min_m: f32,
+    /// A runner-up below this share of the best score leaves it distinct.
+    pub ratio_max: f32,
+    /// Same, where the runner-up is also below `rival_max`.
+    pub ratio_weak_max: f32,
+    /// A runner-up above this stands by itself, whatever the best has: two self-consistent explanations.
+    pub rival_max: f32,
+}
+
+/// Rule 3.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CoarseParameters {
+    /// The runner-up's share at most.
+    pub ratio_max: f32,
+    /// Share of the walls in known space that is found, at least.
+    pub share_min: f32,
+    /// Metres of wall that must hold the weaker direction.
+    pub support_min_m: f32,
+    /// Least significance against the chance rate of the two maps.
+    pub significance_min: f32,
+}
+
+/// Rule 4.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BentParameters {
+    /// Metres of wall found at least, contradictions subtracted by a quarter.
+    pub wall_min_m: f32,
+    /// The runner-up's share at most.
+    pub ratio_max: f32,
+    /// Share of the walls in known space that is found, at most: better maps are for the other rules.
+    pub share_max: f32,
+}
+
+impl Default for DecisionParameters {
+    fn default() -> Self {
+        Self {
+            plain: RuleParameters {
+                score_min: 30.0,
+                support_min_m: 1.7,
+                ratio_max: 0.17,
+                ratio_weak_max: 0.48,
+                rival_max: 90.0,
+            },
+            strict: RuleParameters {
+                score_min: 12.0,
+                support_min_m: 1.7,
+                ratio_max: 0.09,
+                ratio_weak_max: 0.55,
+                rival_max: 115.0,
+            },
+            coarse: CoarseParameters {
+                ratio_max: 0.3,
+                share_min: 0.72,
+                support_min_m: 3.0,
+                significance_min: 12.0,
+            },
+            bent: BentParameters {
+                wall_min_m: 100.0,
+                ratio_max: 0.75,
+                share_max: 0.7,
+            },
+            extent_m: 300.0,
+            outdone_ratio: 1.6,
+            outdone_score: 12.0,
+            strict_plain_ratio: 0.9,
+        }
+    }
+}
+
+impl DecisionParameters {
+    fn all(&self) -> [(&'static str, f32); 21] {
+        let (plain, strict, coarse, bent) = (&self.plain, &self.strict, &self.coarse, &self.bent);
+        [
+            ("decision.plain.score_min", plain.score_min),
+            ("decision.plain.support_min_m", plain.support_min_m),
+            ("decision.plain.ratio_max", plain.ratio_max),
+            ("decision.plain.ratio_weak_max", plain.ratio_weak_max),
+            ("decision.plain.rival_max", plain.rival_max),
+            ("decision.strict.score_min", strict.score_min),
+            ("decision.strict.support_min_m", strict.support_min_m),
+            ("decision.strict.ratio_max", strict.ratio_max),
+            ("decision.strict.ratio_weak_max", strict.ratio_weak_max),
+            ("decision.strict.rival_max", strict.rival_max),
+            ("decision.coarse.ratio_max", coarse.ratio_max),
+            ("decision.coarse.share_min", coarse.share_min),
+            ("decision.coarse.support_min_m", coarse.support_min_m),
+            ("decision.coarse.significance_min", coarse.significance_min),
+            ("decision.bent.wall_min_m", bent.wall_min_m),
+            ("decision.bent.ratio_max", bent.ratio_max),
+            ("decision.bent.share_max", bent.share_max),
+            ("decision.extent_m", self.extent_m),
+            ("decision.outdone_ratio", self.outdone_ratio),
+            ("decision.outdone_score", self.outdone_score),
+            ("decision.strict_plain_ratio", self.strict_plain_ratio),
+        ]
     }
 }
 
@@ -118,17 +236,16 @@ impl HoughParameters {
         )?;
         within("shortlist", count(self.shortlist), 1.0, 100.0, "within 1 and 100")?;
         within("structure_m", self.structure_m, 1.0, 1e6, "within 1 and 1000000 m")?;
-        within("score_min", self.score_min.into(), 0.0, 1e9, "at least 0")?;
         within(
-            "support_min_m",
-            self.support_min_m.into(),
-            0.0,
-            1e6,
-            "within 0 and 1000000 m",
+            "decision.extent_m",
+            self.decision.extent_m.into(),
+            1.0,
+            1e9,
+            "at least 1 m",
         )?;
-        within("ratio_max", self.ratio_max.into(), 0.0, 1.0, "within 0 and 1")?;
-        within("ratio_weak_max", self.ratio_weak_max.into(), 0.0, 1.0, "within 0 and 1")?;
-        within("rival_max", self.rival_max.into(), 0.0, 1e9, "at least 0")?;
+        for (name, value) in self.decision.all() {
+            within(name, value.into(), 0.0, 1e9, "at least 0")?;
+        }
         Ok(self)
     }
 

@@ -3,7 +3,7 @@
 use super::decision::{Finalist, Verdict, rival};
 use super::features::{Features, SAMPLE_M};
 use super::num::real64;
-use super::params::HoughParameters;
+use super::params::DecisionParameters;
 use super::refine::{covariance, sandwich};
 use crate::geometry::{Angle, Pose2};
 use crate::registration::overlap::compare;
@@ -60,15 +60,15 @@ impl Pair<'_> {
         let mean = &finalist.score.mean;
         let metres = |samples: f32| f64::from(samples) * SAMPLE_M;
         Evidence {
-            score: finalist.score.significance.into(),
+            score: finalist.plain.into(),
             verification_index: comparison.verification_index(),
             overlap: comparison.overlap(),
             matched_wall_m: metres(mean.found),
             violated_wall_m: metres(mean.violated()),
-            weaker_direction_m: metres(mean.weaker_direction().0),
+            weaker_direction_m: metres(finalist.support),
             runner_up: rival(ranked, index, self.moving.moments).map(|other| RunnerUp {
                 pose_fixed_moving: self.pose(&ranked[other]),
-                score: ranked[other].score.significance.into(),
+                score: ranked[other].plain.into(),
                 distance_m: ranked[other]
                     .placement()
                     .distance(finalist.placement(), self.moving.moments),
@@ -77,9 +77,9 @@ impl Pair<'_> {
     }
 
     /// The answer; `stages` are filled in by the caller, who knows the last one's end.
-    pub(super) fn tell(&self, ranked: &[Finalist], verdict: Verdict, parameters: &HoughParameters) -> Registration {
+    pub(super) fn tell(&self, ranked: &[Finalist], verdict: Verdict, parameters: &DecisionParameters) -> Registration {
         let first = &ranked[0];
-        let score = f64::from(first.score.significance);
+        let score = f64::from(first.plain);
         let reason = match verdict {
             Verdict::Accept => {
                 return Registration::Accepted(Acceptance {
@@ -91,14 +91,13 @@ impl Pair<'_> {
             }
             Verdict::NoOverlap => Reason::NoOverlap {
                 score,
-                needed: parameters.score_min.into(),
+                needed: parameters.plain.score_min.into(),
             },
             Verdict::Ambiguous => Reason::Ambiguous {
                 score,
-                runner_up_score: rival(ranked, 0, self.moving.moments)
-                    .map_or(0.0, |other| ranked[other].score.significance.into()),
+                runner_up_score: rival(ranked, 0, self.moving.moments).map_or(0.0, |other| ranked[other].plain.into()),
             },
-            Verdict::UnderConstrained { free_direction } => {
+            Verdict::UnderConstrained => {
                 let told_in = if self.swapped {
                     // the caller's fixed map is the one that moved in the search
                     -first.placement().pose().yaw() + self.moving.frame.yaw()
@@ -106,9 +105,9 @@ impl Pair<'_> {
                     self.fixed.frame.yaw()
                 };
                 Reason::UnderConstrained {
-                    free_direction: Angle::from_radians(f64::from(free_direction)) + told_in,
-                    support_m: f64::from(first.score.mean.weaker_direction().0) * SAMPLE_M,
-                    needed_m: parameters.support_min_m.into(),
+                    free_direction: Angle::from_radians(f64::from(first.free_direction)) + told_in,
+                    support_m: f64::from(first.support) * SAMPLE_M,
+                    needed_m: parameters.plain.support_min_m.into(),
                 }
             }
         };

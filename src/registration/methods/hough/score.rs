@@ -34,6 +34,10 @@ pub struct Tally {
     pub violated_straight: f32,
     /// Clutter that stands in free space.
     pub violated_clutter: f32,
+    /// Straight walls among those that stand deep in free space: no wall within `deep`.
+    pub deep_straight: f32,
+    /// Clutter that stands deep in free space.
+    pub deep_clutter: f32,
     /// Walls where the other map knows nothing.
     pub unknown: f32,
     /// Sum of n n^T of the found walls (xx, xy, yy), in the fixed frame.
@@ -87,6 +91,7 @@ fn tally(
     let mut sums = Tally::default();
     let found = tolerances.found * tolerances.found;
     let missed = tolerances.missed * tolerances.missed;
+    let deep = 4.0 * missed;
     let per_soft = 0.5 / (tolerances.soft * tolerances.soft);
     for k in source.samples.iter().step_by(stride) {
         let (x, y) = to_target.apply(k.x, k.y);
@@ -134,10 +139,13 @@ fn tally(
         } else if square <= missed {
             sums.near += 1.0;
         } else if state == super::cells::FREE {
+            let depth = if square > deep { 1.0 } else { 0.0 };
             if k.linearity > 0.5 {
                 sums.violated_straight += 1.0;
+                sums.deep_straight += depth;
             } else {
                 sums.violated_clutter += 1.0;
+                sums.deep_clutter += depth;
             }
         } else {
             sums.unknown += 1.0;
@@ -158,6 +166,8 @@ impl Tally {
             near: f(self.near, other.near),
             violated_straight: f(self.violated_straight, other.violated_straight),
             violated_clutter: f(self.violated_clutter, other.violated_clutter),
+            deep_straight: f(self.deep_straight, other.deep_straight),
+            deep_clutter: f(self.deep_clutter, other.deep_clutter),
             unknown: f(self.unknown, other.unknown),
             scatter: [0, 1, 2].map(|i| f(self.scatter[i], other.scatter[i])),
             square: f(self.square, other.square),
