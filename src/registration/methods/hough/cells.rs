@@ -174,8 +174,14 @@ impl CellMap {
         (state_of(cell), cell & LABEL_MASK)
     }
 
+    /// The state of a cell.
+    #[inline]
+    pub(super) fn state(&self, column: usize, row: usize) -> u8 {
+        state_of(self.cells[row * self.width + column])
+    }
+
     /// Local coordinates of the centre of a cell.
-    #[cfg(test)]
+    #[inline]
     pub(super) fn center(&self, column: usize, row: usize) -> (f32, f32) {
         (
             self.corner[0] + (real(column) + 0.5) * self.cell,

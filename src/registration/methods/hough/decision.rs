@@ -123,24 +123,45 @@ pub(super) fn decide(ranked: &mut [Finalist], moving: Moments, parameters: &Deci
     let bent = field.bent(parameters);
     let same = if bent.is_some() { 1.0 } else { RIVAL_M };
     let named: Vec<usize> = [plain, strict, coarse, bent].into_iter().flatten().collect();
-    if let Some(&first) = named.first() {
-        let me = ranked[first].placement();
+    if let Some(&chosen) = named.first() {
+        let me = ranked[chosen].placement();
         if named
             .iter()
             .all(|&other| ranked[other].placement().distance(me, moving) <= same)
         {
-            ranked[..=first].rotate_right(1);
+            ranked[..=chosen].rotate_right(1);
             return Verdict::Accept;
         }
         return Verdict::Ambiguous;
     }
-    let best = &ranked[0];
-    if best.plain <= field.least(0, &parameters.plain, parameters) {
+    let top = &ranked[0];
+    if top.plain <= field.least(0, &parameters.plain, parameters) {
         Verdict::NoOverlap
-    } else if best.support <= parameters.plain.support_min_m * 10.0 {
+    } else if top.support <= parameters.plain.support_min_m * 10.0 {
         Verdict::UnderConstrained
     } else {
         Verdict::Ambiguous
+    }
+}
+
+/// Whether the walls confirm a placement known from elsewhere: found near it, held, and seldom contradicted. There is
+/// no runner-up to compare with.
+pub(super) fn confirm(
+    finalist: &Finalist,
+    expected: Placement,
+    moving: Moments,
+    parameters: &DecisionParameters,
+) -> Verdict {
+    let mean = &finalist.score.mean;
+    let share = mean.soft / (mean.soft + mean.violated()).max(1.0);
+    if finalist.placement().distance(expected, moving) > RIVAL_M || share < parameters.coarse.share_min {
+        Verdict::NoOverlap
+    } else if finalist.support <= 10.0 * parameters.plain.support_min_m {
+        Verdict::UnderConstrained
+    } else if finalist.plain > parameters.plain.score_min {
+        Verdict::Accept
+    } else {
+        Verdict::NoOverlap
     }
 }
 

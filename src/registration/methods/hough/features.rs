@@ -8,7 +8,6 @@ use super::spectrum::{Spectrum, spectrum};
 use super::walls::{Wall, walls};
 use crate::geometry::{Angle, Pose2};
 use crate::grid::OccupancyGrid;
-use crate::registration::overlap::StateMap;
 
 /// Side of the squares of which each gives one wall sample, and of the blocks of free space, metres.
 pub(super) const SAMPLE_M: f64 = 0.1;
@@ -30,8 +29,8 @@ pub(super) struct Features {
     pub(super) free: FreeBlocks,
     /// Corners of the convex hull of the known area.
     pub(super) hull: Vec<(f32, f32)>,
-    /// For the verification index.
-    pub(super) states: StateMap,
+    /// Known cells.
+    pub(super) known: usize,
     /// Orders the two maps of a pair, so that both ways round give the same search.
     pub(super) order: (usize, u64),
 }
@@ -72,7 +71,7 @@ impl Features {
             moments: moments(&samples),
             spectrum: spectrum(&samples, sample_m.max(narrow(SAMPLE_M))),
             order: (samples.len(), fingerprint(&cropped.states)),
-            states: StateMap::new(map),
+            known: cropped.states.iter().filter(|&&state| state != UNKNOWN).count(),
             cells,
             walls,
             samples,

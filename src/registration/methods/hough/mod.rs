@@ -3,6 +3,7 @@
 //!
 //! Imports `geometry`, `grid` and what is beside `methods` in the room. Pure.
 
+mod agreement;
 mod cells;
 mod decision;
 mod features;
@@ -17,6 +18,8 @@ mod rotation;
 mod score;
 mod shortlist;
 mod spectrum;
+#[cfg(test)]
+mod tests;
 mod translation;
 mod walls;
 
@@ -33,11 +36,11 @@ use super::{Method, MethodName};
 use crate::geometry::Pose2;
 use crate::grid::OccupancyGrid;
 use crate::registration::{Control, MapFeatures, Reason, Registration, Rejection, StageTime, Unhurried};
-use decision::{Finalist, decide, rank};
+use decision::{Finalist, confirm, decide, rank};
 use features::Features;
 use params::Tolerances;
 use placement::Placement;
-use refine::{COARSE, FINE, refine};
+use refine::{COARSE, FINE, POLISH, refine};
 use report::{Pair, no_structure};
 use score::score;
 use shortlist::shortlist;
@@ -79,14 +82,24 @@ impl Hough {
         stages.end("translation")?;
 
         let tolerances = Tolerances::of(fixed, moving);
+        let refine_and_score = |start: Placement, schedule, most: usize| {
+            let refined = refine(fixed, moving, start, schedule, tolerances.stretch, most);
+            (
+                refined.placement,
+                score(fixed, moving, refined.placement, tolerances, most),
+            )
+        };
+        // Half of the way with half of the samples for all, the rest for those that got somewhere.
+        let (first, second) = COARSE.split_at(COARSE.len() / 2);
         let most = parameters.coarse_samples;
-        let coarse: Vec<(Placement, Score)> = shifts
+        let begun: Vec<(Placement, Score)> = shifts
             .par_iter()
-            .map(|shift| {
-                let refined = refine(fixed, moving, shift.placement, &COARSE, tolerances.stretch, most);
-                let placement = refined.placement;
-                (placement, score(fixed, moving, placement, tolerances, most))
-            })
+            .map(|shift| refine_and_score(shift.placement, first, most / 2))
+            .collect();
+        let chosen = shortlist(&begun, moving.moments, 2 * parameters.shortlist);
+        let coarse: Vec<(Placement, Score)> = chosen
+            .par_iter()
+            .map(|&index| refine_and_score(begun[index].0, second, most))
             .collect();
         stages.end("coarse refinement")?;
 
@@ -96,12 +109,27 @@ impl Hough {
             .map(|&index| {
                 let most = parameters.fine_samples;
                 let refined = refine(fixed, moving, coarse[index].0, &FINE, tolerances.stretch, most);
-                let score = score(fixed, moving, refined.placement, tolerances, usize::MAX);
+                let score = score(fixed, moving, refined.placement, tolerances, parameters.scored_samples);
                 Finalist::new(refined, score)
             })
             .collect();
-        let ranked = rank(finalists, moving.moments);
+        let mut ranked = rank(finalists, moving.moments);
         stages.end("fine refinement")?;
+
+        // All samples for the few that the answer may be about.
+        ranked.par_iter_mut().take(parameters.polished).for_each(|finalist| {
+            let refined = refine(
+                fixed,
+                moving,
+                finalist.placement(),
+                &POLISH,
+                tolerances.stretch,
+                usize::MAX,
+            );
+            *finalist = Finalist::new(refined, score(fixed, moving, refined.placement, tolerances, usize::MAX));
+        });
+        let ranked = rank(ranked, moving.moments);
+        stages.end("polish")?;
         if ranked.is_empty() {
             return Err(Reason::NoOverlap {
                 score: 0.0,
@@ -170,6 +198,56 @@ impl Method for Hough {
         let mut answer = pair.tell(&ranked, verdict, &self.parameters.decision);
         if let Err(reason) = stages.end("decision") {
             return reject(reason, stages);
+        }
+        match &mut answer {
+            Registration::Accepted(acceptance) => acceptance.stages = stages.times,
+            Registration::Rejected(rejection) => rejection.stages = stages.times,
+        }
+        answer
+    }
+
+    fn verify_at(
+        &self,
+        fixed: &MapFeatures,
+        moving: &MapFeatures,
+        pose_fixed_moving: Pose2,
+        control: &dyn Control,
+    ) -> Registration {
+        let mut stages = Stages::new(control);
+        let maps = [
+            fixed.of::<Option<Features>>().as_ref(),
+            moving.of::<Option<Features>>().as_ref(),
+        ];
+        let rejected = |reason, stages: Stages| {
+            Registration::Rejected(Rejection {
+                reason,
+                candidates: Vec::new(),
+                stages: stages.times,
+            })
+        };
+        if let Some(reason) = stages.go_on().err().or(no_structure(maps, self.parameters.structure_m)) {
+            return rejected(reason, stages);
+        }
+        let [Some(fixed), Some(moving)] = maps else {
+            unreachable!("invariant: a map without features has no structure");
+        };
+        let pair = ordered(fixed, moving);
+        let pose = if pair.swapped {
+            pose_fixed_moving.inverse()
+        } else {
+            pose_fixed_moving
+        };
+        let start = Placement::of_maps(pose, pair.fixed.frame, pair.moving.frame);
+        let tolerances = Tolerances::of(pair.fixed, pair.moving);
+        let most = self.parameters.fine_samples;
+        let near = refine(pair.fixed, pair.moving, start, &COARSE[2..], tolerances.stretch, most);
+        let refined = refine(pair.fixed, pair.moving, near.placement, &FINE, tolerances.stretch, most);
+        let score = score(pair.fixed, pair.moving, refined.placement, tolerances, usize::MAX);
+        let ranked = [Finalist::new(refined, score)];
+        let verdict = confirm(&ranked[0], start, pair.moving.moments, &self.parameters.decision);
+        let mut answer = pair.tell(&ranked, verdict, &self.parameters.decision);
+        if let Err(reason) = stages.end("verification") {
+            return rejected(reason, stages);
         }
         match &mut answer {
             Registration::Accepted(acceptance) => acceptance.stages = stages.times,

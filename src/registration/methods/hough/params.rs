@@ -24,6 +24,10 @@ pub struct HoughParameters {
     pub coarse_samples: usize,
     /// Wall samples of each map in the fine refinement.
     pub fine_samples: usize,
+    /// Wall samples of each map by which a fine result is scored; all of them once more for the best.
+    pub scored_samples: usize,
+    /// Fine results that are refined and scored once more with all samples.
+    pub polished: usize,
     /// Coarse results kept by each criterion of the shortlist.
     pub shortlist: usize,
     /// Metres of wall that a map must have to be registered.
@@ -41,7 +45,9 @@ impl Default for HoughParameters {
             shifts_per_rotation: 25,
             kept_shifts: [50, 25],
             coarse_samples: 300,
-            fine_samples: 1000,
+            fine_samples: 400,
+            scored_samples: 2000,
+            polished: 4,
             shortlist: 8,
             structure_m: 5.0,
             decision: DecisionParameters::default(),
@@ -234,6 +240,14 @@ impl HoughParameters {
             1e6,
             "within 20 and 1000000",
         )?;
+        within(
+            "scored_samples",
+            count(self.scored_samples),
+            20.0,
+            1e6,
+            "within 20 and 1000000",
+        )?;
+        within("polished", count(self.polished), 1.0, 100.0, "within 1 and 100")?;
         within("shortlist", count(self.shortlist), 1.0, 100.0, "within 1 and 100")?;
         within("structure_m", self.structure_m, 1.0, 1e6, "within 1 and 1000000 m")?;
         within(
@@ -257,12 +271,11 @@ impl HoughParameters {
             width.max(height)
         };
         let (a, b) = (side(fixed), side(moving));
-        let cell: f64 = if a + b <= 60 {
-            0.15
-        } else if a.max(b) <= 120 {
-            0.2
-        } else {
-            0.4
+        let cell: f64 = match (a + b, a.max(b)) {
+            (..=40, _) => 0.15,
+            (..=70, _) => 0.2,
+            (_, ..=120) => 0.25,
+            _ => 0.4,
         };
         cell.max(2.0 * f64::from(fixed.cells.cell.max(moving.cells.cell)))
     }

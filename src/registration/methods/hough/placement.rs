@@ -46,6 +46,16 @@ impl Placement {
         fixed_frame * self.pose() * moving_frame.inverse()
     }
 
+    /// Back from a pose between the maps' own frames.
+    pub(super) fn of_maps(pose: Pose2, fixed_frame: Pose2, moving_frame: Pose2) -> Self {
+        let local = fixed_frame.inverse() * pose * moving_frame;
+        Self {
+            x: local.x(),
+            y: local.y(),
+            yaw: local.yaw().radians(),
+        }
+    }
+
     pub(super) fn pose(self) -> Pose2 {
         Pose2::new(self.x, self.y, Angle::from_radians(self.yaw))
     }

@@ -1,12 +1,12 @@
 //! What was found, in the words of `registration::outcome`.
 
+use super::agreement::agreement;
 use super::decision::{Finalist, Verdict, rival};
 use super::features::{Features, SAMPLE_M};
 use super::num::real64;
 use super::params::DecisionParameters;
 use super::refine::{covariance, sandwich};
 use crate::geometry::{Angle, Pose2};
-use crate::registration::overlap::compare;
 use crate::registration::{Acceptance, Candidate, Covariance, Evidence, Reason, Registration, Rejection, RunnerUp};
 
 /// Candidates told of a rejection.
@@ -55,14 +55,13 @@ impl Pair<'_> {
 
     fn evidence(&self, ranked: &[Finalist], index: usize) -> Evidence {
         let finalist = &ranked[index];
-        let pose = finalist.placement().between_maps(self.fixed.frame, self.moving.frame);
-        let comparison = compare(&self.fixed.states, &self.moving.states, pose);
+        let (verification_index, overlap) = agreement(self.fixed, self.moving, finalist.placement());
         let mean = &finalist.score.mean;
         let metres = |samples: f32| f64::from(samples) * SAMPLE_M;
         Evidence {
             score: finalist.plain.into(),
-            verification_index: comparison.verification_index(),
-            overlap: comparison.overlap(),
+            verification_index,
+            overlap,
             matched_wall_m: metres(mean.found),
             violated_wall_m: metres(mean.violated()),
             weaker_direction_m: metres(finalist.support),

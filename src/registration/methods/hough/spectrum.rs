@@ -11,7 +11,7 @@
 
 use rayon::prelude::*;
 
-use super::num::{floor, index, real};
+use super::num::{index, real};
 use super::walls::Wall;
 
 /// Directions of the spectrum: one a degree, since a line has no front.
@@ -44,8 +44,8 @@ pub(super) fn spectrum(samples: &[Wall], bin: f32) -> Spectrum {
                 let (sin, cos) = real(direction).to_radians().sin_cos();
                 for (x, y) in &points {
                     let rho = x * cos + y * sin + middle;
-                    let bin = floor(rho).unsigned_abs();
-                    let part = rho - rho.floor();
+                    let bin = index(rho);
+                    let part = rho - real(bin);
                     column[bin] += 1.0 - part;
                     column[bin + 1] += part;
                 }
@@ -63,12 +63,13 @@ pub(super) fn spectrum(samples: &[Wall], bin: f32) -> Spectrum {
 /// Equation (2).
 fn energy(column: &[f32]) -> f32 {
     let width = 2 * HALF_WINDOW + 1;
-    column
-        .windows(width)
-        .map(|window| {
-            let mean = window.iter().sum::<f32>() / real(width);
-            let above = (window[HALF_WINDOW] - mean).max(0.0);
-            above * above
-        })
-        .sum()
+    let mut sum: f32 = column[..width - 1].iter().sum();
+    let mut energy = 0.0;
+    for ((last, middle), first) in column[width - 1..].iter().zip(&column[HALF_WINDOW..]).zip(column) {
+        sum += last;
+        let above = (middle - sum / real(width)).max(0.0);
+        energy += above * above;
+        sum -= first;
+    }
+    energy
 }

@@ -26,12 +26,13 @@ use rustfft::num_complex::Complex32;
 
 use super::features::Features;
 use super::fft::{Plan, Planner, good_length};
-use super::num::{narrow, real, signed};
+use super::num::{index, narrow, real, signed};
 use super::params::HoughParameters;
 use super::placement::Placement;
 use super::raster::{Raster, bounds};
 
 const MU: f32 = 0.05;
+const LEAST_COMMON_M: f32 = 2.0;
 
 /// A shift that may be right.
 #[derive(Debug, Clone, Copy)]
@@ -56,10 +57,11 @@ pub(super) fn shifts(
         let (_, w, h) = bounds(moving, rotation, cell);
         (width, height) = (width.max(w), height.max(h));
     }
-    let plan = planner.plan(
-        good_length(still.width + width - 1),
-        good_length(still.height + height - 1),
-    );
+    // Shifts that leave less than LEAST_COMMON_M in common on an axis may wrap onto each other: they are worth nothing.
+    let spare = index(LEAST_COMMON_M / cell);
+    let length =
+        |fixed: usize, moving: usize| good_length((fixed + moving - 1 - spare.min(fixed.min(moving) - 1)).max(2));
+    let plan = planner.plan(length(still.width, width), length(still.height, height));
     let (x, y) = fixed_spectra(&plan, &still);
     let lists: Vec<Vec<Shift>> = rotations
         .par_iter()
@@ -261,4 +263,82 @@ fn best_of_both(all: &[Shift], kept: [usize; 2]) -> Vec<Shift> {
         }
     }
     shifts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn raster(width: usize, height: usize, values: &[u8]) -> Raster {
+        let part = |value: &u8, low: u8| {
+            if *value >= low && *value < low + 40 {
+                f32::from(*value - low) / 40.0
+            } else {
+                0.0
+            }
+        };
+        Raster {
+            width,
+            height,
+            corner: (0.0, 0.0),
+            occupied: values.iter().map(|value| part(value, 0)).collect(),
+            free: values.iter().map(|value| part(value, 60)).collect(),
+        }
+    }
+
+    /// A and B of equations (1) and (2) for one shift, by their definition; `sign` -1 turns the moving map by half a turn.
+    fn direct(still: &Raster, turned: &Raster, (sx, sy): (isize, isize), sign: isize) -> (f32, f32) {
+        let (spread, eroded) = (still.spread(), still.eroded());
+        let (mut agreement, mut disagreement) = (0.0, 0.0);
+        let int = |value: usize| isize::try_from(value).expect("small");
+        for j in 0..turned.height {
+            for i in 0..turned.width {
+                let (x, y) = (sign * int(i) + sx, sign * int(j) + sy);
+                let (Ok(x), Ok(y)) = (usize::try_from(x), usize::try_from(y)) else {
+                    continue;
+                };
+                if x >= still.width || y >= still.height {
+                    continue;
+                }
+                let (m, f) = (j * turned.width + i, y * still.width + x);
+                agreement += spread[f] * turned.occupied[m] + MU * still.free[f] * turned.free[m];
+                disagreement += eroded[f] * turned.occupied[m] + still.occupied[f] * turned.free[m];
+            }
+        }
+        (agreement, disagreement)
+    }
+
+    proptest! {
+        #[test]
+        fn the_packed_transforms_equal_the_direct_sums(still in proptest::collection::vec(0_u8..120, 9 * 7),
+                                                       turned in proptest::collection::vec(0_u8..120, 5 * 6)) {
+            let (still, turned) = (raster(9, 7, &still), raster(5, 6, &turned));
+            let plan = Planner::new().plan(good_length(9 + 5 - 1), good_length(7 + 6 - 1));
+            let (x, y) = fixed_spectra(&plan, &still);
+            let mut data = vec![Complex32::default(); plan.len()];
+            for j in 0..6 {
+                for i in 0..5 {
+                    data[j * plan.width + i] = Complex32::new(turned.occupied[j * 5 + i], turned.free[j * 5 + i]);
+                }
+            }
+            let mut spectrum = vec![Complex32::default(); plan.len()];
+            plan.forward(&mut data, 6, &mut spectrum);
+            let mut half_turn = spectrum.clone();
+            multiply(&mut spectrum, &mut half_turn, &x, &y, plan.height);
+            for (product, sign, shifts) in [(&mut spectrum, 1, (-4..9, -5..7)), (&mut half_turn, -1, (0..13, 0..12))] {
+                plan.inverse(product, &mut data);
+                for sy in shifts.1 {
+                    for sx in shifts.0.clone() {
+                        let at = |s: isize, size: usize| {
+                            usize::try_from(s.rem_euclid(isize::try_from(size).expect("small"))).expect("in range")
+                        };
+                        let cell = data[at(sy, plan.height) * plan.width + at(sx, plan.width)];
+                        let (agreement, disagreement) = direct(&still, &turned, (sx, sy), sign);
+                        prop_assert!((cell.re - agreement).abs() < 1e-3 && (cell.im - disagreement).abs() < 1e-3);
+                    }
+                }
+            }
+        }
+    }
 }
