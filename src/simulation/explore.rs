@@ -109,7 +109,7 @@ pub fn demo_robots(
     pushes: usize,
     seed: u64,
 ) -> Result<Vec<Exploration>, SimulationError> {
-    const ATTEMPTS: u64 = 4;
+    const ATTEMPTS: u64 = 8;
     assert!(robots > 0 && pushes > 0, "invariant: a demo has robots that push maps");
     let mut best: Option<(f64, Vec<Exploration>)> = None;
     for attempt in 0..ATTEMPTS {
