@@ -1,4 +1,79 @@
 //! mapweld welds the occupancy grid maps of many robots into one.
+//!
+//! Robots that map the same place do not know where the others started: each has its own 2-D map in its own frame.
+//! mapweld finds the rigid transforms between the maps in Hough space (after Saeedi, Paull, Trentini, Seto and Li, "Map
+//! merging for multiple robots using Hough peak matching"), says which maps it could place and which not, and why, and
+//! adds up the placed ones by their log odds. A wrong merge is far worse than no merge.
+//!
+//! It is a library, a command (`mapweld merge a.yaml b.yaml -o out`) and a networked service (`mapweld serve`) that keeps
+//! every fused version with its evidence. What it does not do: SLAM, localisation, three dimensions, scale.
+//!
+//! ```
+//! use mapweld::codec::{self, Limits};
+//! use mapweld::registration::{MethodName, MethodSpec, Unhurried, register};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let yaml = b"image: corridor.pgm\nresolution: 0.05\norigin: [0.0, 0.0, 0.0]\n";
+//! let image = b"P2 3 2 255  0 254 205  254 254 0";
+//! let map = codec::decode_map(yaml, image, &Limits::default())?.grid;
+//! let method = MethodSpec::default_of(MethodName::default()).build();
+//! let answer = register(&*method, &map, &map, &Unhurried);
+//! assert!(answer.accepted().is_none(), "three cells are too little to recognise a place by");
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Frames and units
+//!
+//! Metres and radians, x right, y up, counter-clockwise (REP 103); angles in (-pi, pi]. A grid's origin is the pose of the
+//! lower-left corner of cell (0, 0) in the map's frame, yaw honoured; row 0 is the lowest row. `pose_fixed_moving` is the
+//! pose of the moving frame in the fixed frame, `p_fixed = pose_fixed_moving * p_moving`: inner names cancel when
+//! composed. Unknown is a state, not a number that arithmetic can reach.
+//!
+//! # Words
+//!
+//! | word | meaning |
+//! |---|---|
+//! | occupancy grid, cell, lattice | a map; its squares; where they lie (size, resolution, origin) |
+//! | log odds | `ln(p / (1 - p))` of a cell's being occupied |
+//! | registration | finding the pose of a moving map in a fixed one, or why it cannot be known |
+//! | hypothesis, candidate | a pose that may be right; one that was looked at closely |
+//! | support, evidence | what speaks for a hypothesis, and against it |
+//! | overlap | area known in both maps over the smaller known area |
+//! | verification index | the paper's V (eq. 34): agreeing cells over all cells known in both |
+//! | fusion | adding up placed maps on one lattice |
+//! | session | a place and time that robots map together |
+//! | anchor | the robot whose map frame is the session's frame |
+//! | job, version | one merge to be done; its published, immutable result |
+//!
+//! # Rooms, and who may import whom
+//!
+//! One package has no crate walls; `tests/layering.rs` holds the arrows.
+//!
+//! ```text
+//! geometry <- grid <- registration <- fusion        pure: values in, values out
+//!             grid <- codec                         pure: bytes <-> grid, pictures
+//!             grid <- simulation                    pure: seeded worlds, lidar, mapping
+//! geometry, grid, registration <- model             the service's records
+//! model, fusion, codec <- api <- client             wire types; the robot's side
+//! model <- store                                    their persistence, and the queue
+//! store, codec, fusion, api <- worker               merge jobs
+//! store, codec, fusion, api <- http                 the routes; http and worker meet only in the store's queue
+//! everything <- cli <- main
+//! ```
+//!
+//! Beside them, single files: [`clock`] (time and ids, handed in), `compute` (the bounded pool for heavy work), `config`,
+//! `telemetry`, and `web` (the embedded page).
+//!
+//! The pure core is always there; feature `server` adds store, worker, http and web, feature `client` adds the client.
+//!
+//! # The life of a map
+//!
+//! `http` receives an upload -> `codec` decodes it, limits before memory -> the blob is stored and fsynced ->
+//! `store.add_map_and_enqueue`, one transaction -> 201 to the robot -> `store.claim_job` takes a lease -> `worker` loads
+//! the newest map of each robot -> [`fusion::weld()`]: features, registrations of the pairs, consistent poses, the fused
+//! map -> `codec` encodes -> `store.publish_version`, one transaction, only if the lease is still ours -> `http` serves
+//! it, and whoever watches is told.
 
 pub mod api;
 pub mod cli;
