@@ -10,50 +10,44 @@ use embedded_graphics::mono_font::MonoTextStyle;
 use embedded_graphics::mono_font::iso_8859_1::FONT_9X15_BOLD as FONT;
 use embedded_graphics::pixelcolor::BinaryColor;
 use embedded_graphics::text::{Baseline, Text};
+use image::RgbImage;
+use image::codecs::png::PngEncoder;
 
 /// Red, green and blue.
 pub type Rgb = [u8; 3];
 
 /// A picture for people: rows from the top, three bytes a pixel.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Picture {
-    width: u32,
-    height: u32,
-    pixels: Vec<Rgb>,
-}
+pub struct Picture(RgbImage);
 
 impl Picture {
     /// A picture of one colour.
     #[must_use]
     pub fn new(width: u32, height: u32, color: Rgb) -> Self {
-        Self {
-            width,
-            height,
-            pixels: vec![color; width as usize * height as usize],
-        }
+        Self(RgbImage::from_pixel(width, height, image::Rgb(color)))
     }
 
     /// Pixels in a row.
     #[must_use]
     pub fn width(&self) -> u32 {
-        self.width
+        self.0.width()
     }
 
     /// Rows.
     #[must_use]
     pub fn height(&self) -> u32 {
-        self.height
+        self.0.height()
     }
 
     /// All pixels, row by row from the top.
     #[must_use]
     pub fn pixels(&self) -> &[Rgb] {
-        &self.pixels
+        self.0.as_raw().as_chunks().0
     }
 
     /// All pixels, to be changed in place.
     pub(super) fn pixels_mut(&mut self) -> &mut [Rgb] {
-        &mut self.pixels
+        self.0.as_chunks_mut().0
     }
 
     /// The pixel in a column, and a row counted from the top.
@@ -62,31 +56,34 @@ impl Picture {
     /// When there is no such pixel.
     #[must_use]
     pub fn at(&self, x: u32, y: u32) -> Rgb {
-        assert!(x < self.width, "column {x} of {}", self.width);
-        self.pixels[y as usize * self.width as usize + x as usize]
+        self.0.get_pixel(x, y).0
     }
 
     /// The picture as PNG; the same bytes for the same picture.
     #[must_use]
     pub fn to_png(&self) -> Vec<u8> {
-        let rows = self.pixels.chunks(self.width.max(1) as usize);
-        super::image::encode_rgb_png(self.width, self.height, rows.map(<[Rgb]>::as_flattened))
+        let mut png = Vec::new();
+        self.0
+            .write_with_encoder(PngEncoder::new(&mut png))
+            .expect("invariant: a vector takes every byte, and pictures fit PNG's 31 bits a side");
+        png
     }
 
     /// Copies `other` to the place whose left upper corner is (x, y); what does not fit is left out.
     pub(super) fn paste(&mut self, other: &Self, x: u32, y: u32) {
-        let width = other.width.min(self.width.saturating_sub(x)) as usize;
-        let rows = self.pixels.chunks_mut(self.width.max(1) as usize).skip(y as usize);
-        for (row, from) in rows.zip(other.pixels.chunks(other.width.max(1) as usize)) {
+        let (own, others) = (self.width().max(1) as usize, other.width().max(1) as usize);
+        let width = other.width().min(self.width().saturating_sub(x)) as usize;
+        let rows = self.pixels_mut().chunks_mut(own).skip(y as usize);
+        for (row, from) in rows.zip(other.pixels().chunks(others)) {
             row[x as usize..][..width].copy_from_slice(&from[..width]);
         }
     }
 
     /// Fills a box with what `color` says for each pixel of it; what lies outside the picture is left out.
     pub(super) fn fill(&mut self, x: u32, y: u32, width: u32, height: u32, color: impl Fn(u32, u32) -> Rgb) {
-        for row in y..y.saturating_add(height).min(self.height) {
-            for column in x..x.saturating_add(width).min(self.width) {
-                self.pixels[row as usize * self.width as usize + column as usize] = color(column, row);
+        for row in y..y.saturating_add(height).min(self.height()) {
+            for column in x..x.saturating_add(width).min(self.width()) {
+                self.0.put_pixel(column, row, image::Rgb(color(column, row)));
             }
         }
     }
@@ -123,7 +120,7 @@ struct Pen<'a> {
 
 impl OriginDimensions for Pen<'_> {
     fn size(&self) -> Size {
-        Size::new(self.picture.width, self.picture.height)
+        Size::new(self.picture.width(), self.picture.height())
     }
 }
 

@@ -18,7 +18,7 @@ use shade::{Pixels, ShadeTable};
 /// (`negate`: shade), then by mode. A pixel with alpha below its maximum is unknown in every mode; opaque pixels are read by
 /// their colour alone (see [`Warning::AlphaNotAveraged`](super::Warning::AlphaNotAveraged)).
 ///
-/// Memory: two bytes a cell and some rows; interlaced PNG need the whole picture besides.
+/// Memory: two bytes a cell and some rows; PGM and interlaced PNG need the whole picture besides.
 ///
 /// # Errors
 /// [`CodecError`] when the bytes are no such picture, or over the limits.
@@ -83,11 +83,6 @@ pub fn encode_png(grid: &OccupancyGrid) -> Vec<u8> {
         Format::plain(ColorType::Grayscale),
         grey_rows(grid),
     )
-}
-
-/// A colour picture of these rows, the top one first, three samples a pixel.
-pub(super) fn encode_rgb_png(width: u32, height: u32, rows: impl Iterator<Item = impl AsRef<[u8]>>) -> Vec<u8> {
-    png::write(width, height, Format::plain(ColorType::Rgb), rows)
 }
 
 /// The map as a binary PGM (P5), with the same grey values as [`encode_png`].

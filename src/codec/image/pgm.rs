@@ -1,113 +1,56 @@
-//! PGM pictures, binary (P5) and plain (P2). Read by hand: the raster is used where it lies, and no size of a header is
-//! trusted before the raster is seen to have it.
+//! PGM pictures, binary (P5) and plain (P2).
+
+use std::io::Cursor;
+
+use ::image::codecs::pnm::PnmDecoder;
+use ::image::{ColorType, ImageDecoder, ImageError};
 
 use super::{CodecError, Limits, MapMeta, Pixels, ShadeTable};
 
+/// Samples come spread to the full range of 8 or 16 bits, whatever the file's maxval.
 pub(super) fn read(bytes: &[u8], meta: &MapMeta, limits: &Limits) -> Result<Pixels, CodecError> {
-    let plain = bytes.starts_with(b"P2");
-    let mut scanner = Scanner { rest: &bytes[2..] };
-    let width = scanner.number("width")?;
-    let height = scanner.number("height")?;
-    let max = scanner.number("maxval")?;
-    let max = match u16::try_from(max) {
-        Ok(max) if max > 0 => max,
-        _ => return Err(bad(format!("maxval is {max}; it must be within 1 and 65535"))),
-    };
+    let decoder = PnmDecoder::new(Cursor::new(bytes)).map_err(bad)?;
+    let (width, height) = decoder.dimensions();
     let count = limits.check_cells(width, height)?;
-    let least = match (plain, max) {
-        (true, _) => count.saturating_mul(2).saturating_sub(1), // a digit and a blank
-        (false, ..256) => count,
-        (false, _) => count.saturating_mul(2),
+    let wide = decoder.color_type() == ColorType::L16;
+    let samples = count.saturating_mul(if wide { 2 } else { 1 });
+    // A plain sample is a digit and a blank at least. No size of a header is trusted before the raster can have it.
+    let least = if bytes.starts_with(b"P2") {
+        count.saturating_mul(2).saturating_sub(1)
+    } else {
+        samples
     };
-    let raster = if plain { scanner.rest } else { scanner.raster()? };
-    if raster.len() < least {
-        return Err(bad(format!(
-            "a raster of {width} x {height} pixels is cut short: {} bytes, at least {least} are needed",
-            raster.len()
-        )));
+    if bytes.len() < least {
+        return Err(CodecError::BadPicture {
+            format: "PGM",
+            reason: format!(
+                "a raster of {width} x {height} pixels is cut short: the file has {} bytes, at least {least} are needed",
+                bytes.len()
+            ),
+        });
     }
-    let table = ShadeTable::new(meta, 1, max, false);
+    let mut raster = Vec::new();
+    raster
+        .try_reserve_exact(samples)
+        .map_err(|reason| CodecError::NoMemory { cells: count, reason })?;
+    raster.resize(samples, 0);
+    decoder.read_image(&mut raster).map_err(bad)?;
     let mut pixels = Pixels::new(width, height, meta, limits)?;
-    let refuse = |sample: u32| {
-        Err(bad(format!(
-            "a pixel is {sample}; it must be at most maxval, which is {max}"
-        )))
-    };
-    match (plain, max) {
-        (true, _) => {
-            for _ in 0..count {
-                let sample = scanner.number("a pixel")?;
-                if sample > u32::from(max) {
-                    return refuse(sample);
-                }
-                pixels.extend(&table, std::iter::once(sample as usize));
-            }
-        }
-        (false, ..256) => {
-            let samples = &raster[..count];
-            if let Some(&sample) = samples.iter().find(|&&sample| u16::from(sample) > max) {
-                return refuse(sample.into());
-            }
-            pixels.extend(&table, samples.iter().map(|&sample| sample.into()));
-        }
-        (false, _) => {
-            let (samples, _) = raster[..least].as_chunks();
-            let samples = samples.iter().map(|&sample| u16::from_be_bytes(sample));
-            if let Some(sample) = samples.clone().find(|&sample| sample > max) {
-                return refuse(sample.into());
-            }
-            pixels.extend(&table, samples.map(usize::from));
-        }
+    if wide {
+        let (raster, _) = raster.as_chunks();
+        let table = ShadeTable::new(meta, 1, u16::MAX, false);
+        pixels.extend(&table, raster.iter().map(|&sample| u16::from_ne_bytes(sample).into()));
+    } else {
+        let table = ShadeTable::new(meta, 1, u8::MAX.into(), false);
+        pixels.extend(&table, raster.iter().map(|&sample| sample.into()));
     }
     Ok(pixels)
 }
 
-fn bad(reason: String) -> CodecError {
-    CodecError::BadPicture { format: "PGM", reason }
-}
-
-/// Reads numbers between blanks and comments.
-struct Scanner<'a> {
-    rest: &'a [u8],
-}
-
-impl<'a> Scanner<'a> {
-    fn number(&mut self, what: &str) -> Result<u32, CodecError> {
-        self.skip_blanks();
-        let digits = self.rest.iter().take_while(|b| b.is_ascii_digit()).count();
-        let (number, rest) = self.rest.split_at(digits);
-        if number.is_empty() {
-            let found = match rest.first() {
-                Some(byte) => format!("\"{}\"", byte.escape_ascii()),
-                None => "the end of the file".to_owned(),
-            };
-            return Err(bad(format!("{what} is {found}; it must be a number")));
-        }
-        self.rest = rest;
-        number
-            .iter()
-            .try_fold(0_u32, |n, digit| {
-                n.checked_mul(10)?.checked_add(u32::from(digit - b'0'))
-            })
-            .ok_or_else(|| bad(format!("{what} is over {}", u32::MAX)))
-    }
-
-    fn skip_blanks(&mut self) {
-        loop {
-            self.rest = self.rest.trim_ascii_start();
-            if self.rest.first() != Some(&b'#') {
-                return;
-            }
-            let line = self.rest.iter().take_while(|&&b| b != b'\n' && b != b'\r').count();
-            self.rest = &self.rest[line..];
-        }
-    }
-
-    /// What follows the one blank after the header.
-    fn raster(&self) -> Result<&'a [u8], CodecError> {
-        match self.rest.split_first() {
-            Some((blank, raster)) if blank.is_ascii_whitespace() => Ok(raster),
-            _ => Err(bad("no blank between maxval and the raster".to_owned())),
-        }
+#[expect(clippy::needless_pass_by_value, reason = "for map_err")]
+fn bad(error: ImageError) -> CodecError {
+    CodecError::BadPicture {
+        format: "PGM",
+        reason: error.to_string(),
     }
 }
