@@ -90,3 +90,5 @@ pub mod registration;
 pub mod simulation;
 #[cfg(feature = "server")]
 pub mod store;
+#[cfg(feature = "server")]
+pub mod worker;

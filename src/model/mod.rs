@@ -7,7 +7,6 @@ mod digest;
 mod id;
 mod job;
 mod map;
-mod method;
 mod session;
 mod version;
 
@@ -15,9 +14,11 @@ pub use digest::{BlobKey, Digest};
 pub use id::{JobId, MapId, RobotId, SessionId, VersionNumber};
 pub use job::{Job, JobError, JobKind, JobState, MergeRequest, StageSeconds};
 pub use map::{MapRecord, NewMap, RobotSummary};
-pub use method::MethodSpec;
 pub use session::{Labels, Resolution, Session, SessionPatch, SessionSettings, Title};
 pub use version::{ResultText, Version, VersionInput, VersionSelector};
+
+/// Which method registers the maps of a session, and with which parameters.
+pub use crate::registration::MethodSpec;
 
 /// A moment, to the microsecond in the records.
 pub use jiff::Timestamp;

@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use utoipa::openapi::{RefOr, Schema};
+use utoipa::{PartialSchema, ToSchema};
 
 use super::hough::{Hough, HoughParameters, HoughParametersError};
 use super::parameter::{self, ParameterError};
@@ -35,12 +37,27 @@ enum Choice {
 }
 
 /// How a [`MethodSpec`] is written.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 struct Fields {
+    /// The method.
     name: MethodName,
+    /// Its parameters by name; those that are not named have their defaults.
     #[serde(default)]
+    #[schema(value_type = Option<Object>)]
     parameters: Option<Value>,
+}
+
+impl PartialSchema for MethodSpec {
+    fn schema() -> RefOr<Schema> {
+        Fields::schema()
+    }
+}
+
+impl ToSchema for MethodSpec {
+    fn schemas(schemas: &mut Vec<(String, RefOr<Schema>)>) {
+        Fields::schemas(schemas);
+    }
 }
 
 /// Why there is no such method.

@@ -53,7 +53,7 @@ impl SqliteStore {
     /// # Errors
     /// [`StoreError::InUse`] when another process has it open, otherwise [`StoreError::Unavailable`].
     pub async fn open(folder: &Path, limits: QueueLimits) -> Result<Self, StoreError> {
-        std::fs::create_dir_all(folder).map_err(unavailable)?;
+        make_folder(folder).map_err(unavailable)?;
         let lock = locked(&folder.join("mapweld.lock"))?;
         let options = SqliteConnectOptions::new()
             .filename(folder.join("mapweld.sqlite"))
@@ -103,6 +103,15 @@ impl SqliteStore {
     fn announce_job(&self, written: queue::Written) -> JobState {
         self.announce(Change::Job(written.session, written.id, written.state));
         written.state
+    }
+}
+
+/// A folder is as durable as its entry in the folder above, where that can be looked at.
+fn make_folder(folder: &Path) -> std::io::Result<()> {
+    std::fs::create_dir_all(folder)?;
+    match folder.canonicalize()?.parent().map(File::open) {
+        Some(Ok(above)) => above.sync_all(),
+        _ => Ok(()),
     }
 }
 
