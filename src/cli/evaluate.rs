@@ -1,4 +1,5 @@
-//! `mapweld evaluate`: answers for a list of labelled pairs, one JSON object a line, as a scorer reads them.
+//! `mapweld evaluate`: answers for a list of labelled pairs, one JSON object a line, as a scorer reads them; lists of whole
+//! sets are `evaluate_sets`.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -6,24 +7,33 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
 use super::files::MapFiles;
-use super::{Done, Failure, Stopwatch, in_pool, say};
+use super::{Done, Failure, Stopwatch, evaluate_sets, in_pool, say};
 use crate::codec::Limits;
 use crate::geometry::Pose2;
 use crate::registration::methods::hough::{Hough, HoughParameters};
 use crate::registration::{MapFeatures, Method, MethodName, MethodSpec, Registration};
 
-/// Registers every pair of a labelled list and prints one line of JSON a pair.
+/// Registers labelled pairs, sets or growing maps and prints one line of JSON each.
 #[derive(Debug, Args)]
+#[command(group(ArgGroup::new("list").required(true).args(["pairs", "sets", "growth"])))]
 pub(super) struct Evaluate {
     /// The list of pairs: JSON objects with `id`, `fixed` and `moving`, the maps' YAML files relative to the list.
     #[arg(long, value_name = "PAIRS.json")]
-    pairs: PathBuf,
+    pairs: Option<PathBuf>,
+    /// A list of sets instead: JSON objects with `id`, `maps` and their `poses` in the world, null for a map of another
+    /// place.
+    #[arg(long, value_name = "SETS.json")]
+    sets: Option<PathBuf>,
+    /// A list of growth sequences instead: JSON objects with `id` and `robots`, each with a `name`, its `pose` and its
+    /// `snapshots`.
+    #[arg(long, value_name = "GROWTH.json")]
+    growth: Option<PathBuf>,
     /// The registration method.
     #[arg(long, default_value_t = MethodName::ALL[0])]
     method: MethodName,
@@ -61,18 +71,24 @@ struct Prepared {
 
 impl Evaluate {
     pub(super) fn run(&self) -> Result<Done, Failure> {
-        let text = fs::read(&self.pairs).map_err(|error| bad(&self.pairs, error))?;
-        let mut pairs: Vec<LabelledPair> = serde_json::from_slice(&text).map_err(|error| bad(&self.pairs, error))?;
+        let (only, method) = (self.only.as_deref(), self.spec()?.build());
+        in_pool(self.threads, || match (&self.pairs, &self.sets, &self.growth) {
+            (Some(list), ..) => self.pairs(list, &*method),
+            (_, Some(list), _) => evaluate_sets::sets(list, only, &method),
+            (.., Some(list)) => evaluate_sets::growth(list, only, &method),
+            (None, None, None) => unreachable!("invariant: the arguments require one list"),
+        })??;
+        Ok(Done::Entirely)
+    }
+
+    fn pairs(&self, list: &Path, method: &dyn Method) -> Result<(), Failure> {
+        let text = fs::read(list).map_err(|error| bad(list, error))?;
+        let mut pairs: Vec<LabelledPair> = serde_json::from_slice(&text).map_err(|error| bad(list, error))?;
         if let Some(only) = &self.only {
             pairs.retain(|pair| pair.id.contains(only));
         }
-        in_pool(self.threads, || self.answer(&pairs))?
-    }
-
-    fn answer(&self, pairs: &[LabelledPair]) -> Result<Done, Failure> {
-        let method = self.spec()?.build();
         let examined = self.hypotheses.is_some().then(|| self.hough()).transpose()?;
-        let folder = self.pairs.parent().unwrap_or(Path::new(""));
+        let folder = list.parent().unwrap_or(Path::new(""));
         let mut last_use: BTreeMap<&str, usize> = BTreeMap::new();
         for (index, pair) in pairs.iter().enumerate() {
             last_use.insert(&pair.fixed, index);
@@ -85,7 +101,7 @@ impl Evaluate {
             bar.inc(1);
             for name in [&pair.fixed, &pair.moving] {
                 if !prepared.contains_key(name.as_str()) {
-                    prepared.insert(name, self.prepare(&*method, &folder.join(name))?);
+                    prepared.insert(name, self.prepare(method, &folder.join(name))?);
                 }
             }
             let (fixed, moving) = (&prepared[pair.fixed.as_str()], &prepared[pair.moving.as_str()]);
@@ -118,7 +134,7 @@ impl Evaluate {
         if let Some(path) = &self.hypotheses {
             fs::write(path, hypotheses).map_err(|error| bad(path, error))?;
         }
-        Ok(Done::Entirely)
+        Ok(())
     }
 
     fn spec(&self) -> Result<MethodSpec, Failure> {

@@ -5,6 +5,7 @@
 //! from an unknown option to a map that cannot be decoded; 3 done, but some maps were not placed.
 
 mod evaluate;
+mod evaluate_sets;
 mod failure;
 pub mod files;
 pub mod placements;

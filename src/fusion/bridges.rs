@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
+use super::contradiction::{Lying, contradict};
 use super::fuse::{PlacedMap, fuse};
 use super::group::{candidate_link, kept_apart};
 use super::joint::{Hint, bridge};
@@ -86,6 +87,13 @@ impl Bridges {
         for (index, record) in self.records.iter().enumerate().filter(|(_, record)| applies(record)) {
             if let Some(accepted) = record.registration.accepted()
                 && best.is_none_or(|(score, _)| accepted.evidence.score > score)
+                && can_lie(
+                    maps,
+                    layout,
+                    record.fixed[0],
+                    record.moving[0],
+                    accepted.pose_fixed_moving,
+                )
             {
                 best = Some((accepted.evidence.score, index));
             }
@@ -139,6 +147,15 @@ fn join_by_hints(maps: &Maps<'_>, pairs: &mut [PairRecord], links: &mut Vec<Link
         }
         None => false,
     }
+}
+
+/// Whether two groups (named by their first maps) do not contradict each other under a pose.
+fn can_lie(maps: &Maps<'_>, layout: &Layout, a: usize, b: usize, pose_a_b: Pose2) -> bool {
+    let group = |first: usize| -> Vec<Lying> {
+        let members = (0..maps.len()).filter(|&map| layout.first[map] == first);
+        members.map(|map| (map, layout.places[map].pose)).collect()
+    };
+    !contradict(maps, &group(a), &group(b), pose_a_b, None)
 }
 
 /// Makes links of candidates; of a pair's candidates the first one counts.

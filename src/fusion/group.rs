@@ -5,7 +5,7 @@
 //! 1. Maps with known poses are looked at there (`known_poses`).
 //! 2. All other pairs are registered, in parallel.
 //! 3. Of the accepted pairs the heaviest set that can be true together is kept (`consistency`); none may join maps that
-//!    an operator keeps apart.
+//!    an operator keeps apart, or groups whose walls contradict each other (`contradiction`).
 //! 4. An operator's guess decides between the candidates of a pair that was not accepted.
 //! 5. Groups that stand apart are joined, the surest first, by candidates on which several pairs agree (`joint`), then
 //!    by registering the groups themselves, each fused into one map: such a map shows more of what the other has seen,
@@ -20,6 +20,7 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::bridges::Bridges;
+use super::contradiction::{Lying, contradict};
 use super::input::{Prior, WeldInput, WeldOptions};
 use super::known_poses::{self, KnownPoses};
 use super::layout::{Layout, Link, lay_out};
@@ -27,6 +28,7 @@ use super::maps::{Maps, Stages, stop_of};
 use super::outcome::{PairCheck, PairRecord, PairRole, RegisteredSet, WeldError};
 use super::union_find::UnionFind;
 use super::{Edge, Verdict, report, verdicts};
+use crate::geometry::Pose2;
 use crate::registration::{Candidate, Control, Registration};
 
 /// Places all maps that can be placed.
@@ -141,32 +143,58 @@ fn consistent_links(maps: &Maps<'_>, pairs: &mut [PairRecord]) -> Vec<Link> {
             (_, None) => {}
         }
     }
-    keep_apart(maps, pairs, kept)
+    joinable(maps, pairs, kept)
 }
 
-/// The links that join no two maps that an operator keeps apart, the heaviest first come.
-fn keep_apart(maps: &Maps<'_>, pairs: &mut [PairRecord], mut links: Vec<Link>) -> Vec<Link> {
-    if maps.options.forbidden.is_empty() {
-        return links;
-    }
+/// The links that join groups which can lie like that, the heaviest first come: no two maps that an operator keeps apart,
+/// no two groups whose walls contradict each other.
+fn joinable(maps: &Maps<'_>, pairs: &mut [PairRecord], mut links: Vec<Link>) -> Vec<Link> {
     links.sort_by(|x, y| {
         (y.edge.certain.cmp(&x.edge.certain))
             .then(y.edge.weight.total_cmp(&x.edge.weight))
             .then(x.pair.cmp(&y.pair))
     });
-    let mut groups = UnionFind::new(maps.len());
+    let mut groups: Vec<Vec<Lying>> = (0..maps.len()).map(|map| vec![(map, Pose2::IDENTITY)]).collect();
     links.retain(|link| {
-        let allowed = may_join(maps, &groups, link.edge.a, link.edge.b);
-        match (allowed, link.pair) {
-            (true, _) => {
-                groups.join(link.edge.a, link.edge.b);
-            }
-            (false, Some(pair)) => pairs[pair].role = PairRole::Forbidden,
-            (false, None) => {}
+        let Edge { a, b, pose_a_b, .. } = link.edge;
+        let of = |map: usize| {
+            groups
+                .iter()
+                .position(|group| group.iter().any(|&(other, _)| other == map))
+        };
+        let (Some(group_a), Some(group_b)) = (of(a), of(b)) else {
+            unreachable!("invariant: every map is in a group")
+        };
+        if group_a == group_b {
+            return true;
         }
-        allowed
+        let (one, other) = (&groups[group_a], &groups[group_b]);
+        let pose_one_other = lies(one, a) * pose_a_b * lies(other, b).inverse();
+        let apart = one
+            .iter()
+            .any(|&(x, _)| other.iter().any(|&(y, _)| maps.is_forbidden(x, y)));
+        let contradicted = !link.edge.certain && contradict(maps, one, other, pose_one_other, Some((a, b)));
+        if let Some(pair) = link.pair.filter(|_| apart || contradicted) {
+            pairs[pair].role = if apart {
+                PairRole::Forbidden
+            } else {
+                PairRole::Contradicted
+            };
+        }
+        if apart || contradicted {
+            return false;
+        }
+        let moved: Vec<Lying> = other.iter().map(|&(map, pose)| (map, pose_one_other * pose)).collect();
+        groups[group_a].extend(moved);
+        groups[group_b].clear();
+        true
     });
     links
+}
+
+fn lies(group: &[Lying], map: usize) -> Pose2 {
+    let lying = group.iter().find(|&&(other, _)| other == map);
+    lying.expect("invariant: the map is in the group").1
 }
 
 fn may_join(maps: &Maps<'_>, groups: &UnionFind, a: usize, b: usize) -> bool {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{ConsistencyRules, FuseOptions, JointRules, KnownPoseRules};
+use super::{ConsistencyRules, ContradictionRules, FuseOptions, JointRules, KnownPoseRules};
 use crate::geometry::Pose2;
 use crate::grid::OccupancyGrid;
 use crate::registration::{MapFeatures, Method, Registration};
@@ -84,6 +84,8 @@ pub struct WeldOptions {
     pub known_pairs: Vec<KnownPair>,
     /// What edges can be true together.
     pub consistency: ConsistencyRules,
+    /// When maps contradict each other.
+    pub contradiction: ContradictionRules,
     /// When hypotheses of several pairs together make up for what each lacks.
     pub joint: JointRules,
     /// When a known pose still holds.
@@ -102,6 +104,7 @@ impl WeldOptions {
             forbidden: Vec::new(),
             known_pairs: Vec::new(),
             consistency: ConsistencyRules::default(),
+            contradiction: ContradictionRules::default(),
             joint: JointRules::default(),
             known_poses: KnownPoseRules::default(),
             fuse: FuseOptions::default(),

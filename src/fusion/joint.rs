@@ -64,6 +64,8 @@ pub(super) struct Bridge {
     pub(super) hints: Vec<(usize, usize)>,
     /// The sum of their scores.
     pub(super) score: f64,
+    /// Pose of group b's frame in group a's, by the best of them.
+    pub(super) pose_a_b: Pose2,
 }
 
 /// The place that the hints agree on, if the rules accept it. `distance` is that of two poses of group b.
@@ -106,6 +108,7 @@ pub(super) fn bridge(hints: &[Hint], distance: impl Fn(Pose2, Pose2) -> f64, rul
     accepted.then(|| Bridge {
         hints: place.iter().map(|hint| (hint.pair, hint.candidate)).collect(),
         score: score(place),
+        pose_a_b: hints[best].pose_a_b,
     })
 }
 

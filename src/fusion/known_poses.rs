@@ -16,16 +16,14 @@
 
 use rayon::prelude::*;
 
-use super::Moments;
 use super::input::Prior;
 use super::maps::{Maps, stop_of};
 use super::outcome::{FrameJump, WeldError};
+use super::sketch::{Sketch, agreement, overlap};
 use super::union_find::UnionFind;
-use super::walls::{Walls, agreement};
 use crate::geometry::Pose2;
 use crate::grid::OccupancyGrid;
 use crate::registration::Registration;
-use crate::registration::overlap::{StateMap, compare};
 
 /// When a known pose still holds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -159,8 +157,14 @@ pub(super) fn relative(poses: &[Option<(Pose2, f64)>], a: usize, b: usize) -> (P
 /// Step 1, for one map.
 fn frame_jump(maps: &Maps<'_>, previous: &OccupancyGrid, current: &OccupancyGrid) -> Option<FrameJump> {
     let rules = &maps.options.known_poses;
-    let walls = [previous, current].map(|grid| Walls::of(grid, rules.wall_tolerance_m));
-    if agreement(&walls[0], &walls[1], Pose2::IDENTITY).violated_share() <= rules.jump_share {
+    let [one, other] = [previous, current].map(Sketch::of);
+    let unmoved = agreement(
+        (previous, &one),
+        (current, &other),
+        Pose2::IDENTITY,
+        rules.wall_tolerance_m,
+    );
+    if unmoved.violated_share() <= rules.jump_share {
         return None;
     }
     let method = maps.method();
@@ -173,7 +177,7 @@ fn frame_jump(maps: &Maps<'_>, previous: &OccupancyGrid, current: &OccupancyGrid
         });
     };
     let found = accepted.pose_fixed_moving;
-    let distance = Moments::of(current).distance(found, Pose2::IDENTITY);
+    let distance = other.moments.distance(found, Pose2::IDENTITY);
     (distance > rules.jump_m).then_some(FrameJump {
         pose_previous_current: Some(found),
         distance_m: Some(distance),
@@ -204,21 +208,14 @@ fn poses(maps: &Maps<'_>, jumps: &[Option<FrameJump>]) -> Vec<Option<(Pose2, f64
 /// Step 2: the pairs to look at, in order.
 fn neighbours(maps: &Maps<'_>, poses: &[Option<(Pose2, f64)>]) -> Vec<(usize, usize)> {
     let rules = &maps.options.known_poses;
-    let states: Vec<Option<StateMap>> = maps
-        .inputs
-        .par_iter()
-        .zip(poses)
-        .map(|(input, pose)| pose.is_some().then(|| StateMap::new(&input.grid)))
-        .collect();
     let pairs: Vec<(usize, usize)> = (0..maps.len())
         .flat_map(|a| (a + 1..maps.len()).map(move |b| (a, b)))
-        .filter(|&(a, b)| !maps.is_forbidden(a, b) && lattices_meet(maps, poses, a, b))
+        .filter(|&(a, b)| !maps.is_forbidden(a, b) && poses[a].is_some() && poses[b].is_some())
         .collect();
     let mut overlaps: Vec<(f64, usize, usize)> = pairs
         .into_par_iter()
         .filter_map(|(a, b)| {
-            let (one, other) = (states[a].as_ref()?, states[b].as_ref()?);
-            let overlap = compare(one, other, relative(poses, a, b).0).overlap();
+            let overlap = overlap(maps.sketched(a), maps.sketched(b), relative(poses, a, b).0);
             (overlap >= rules.overlap_min).then_some((overlap, a, b))
         })
         .collect();
@@ -236,20 +233,4 @@ fn neighbours(maps: &Maps<'_>, poses: &[Option<(Pose2, f64)>]) -> Vec<(usize, us
         }
     }
     chosen
-}
-
-/// Whether the circles around two lattices meet, by the known poses.
-fn lattices_meet(maps: &Maps<'_>, poses: &[Option<(Pose2, f64)>], a: usize, b: usize) -> bool {
-    if poses[a].is_none() || poses[b].is_none() {
-        return false;
-    }
-    let (pose_a_b, reach) = relative(poses, a, b);
-    let circle = |map: usize| {
-        let [low, _, high, _] = maps.inputs[map].grid.lattice().corners();
-        let middle = [f64::midpoint(low[0], high[0]), f64::midpoint(low[1], high[1])];
-        (middle, (high[0] - low[0]).hypot(high[1] - low[1]) / 2.0)
-    };
-    let (([ax, ay], radius_a), (middle_b, radius_b)) = (circle(a), circle(b));
-    let [bx, by] = pose_a_b.apply(middle_b);
-    (ax - bx).hypot(ay - by) <= radius_a + radius_b + reach
 }

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::input::{KnownPair, Prior, WeldInput, WeldOptions};
 use super::outcome::WeldError;
+use super::sketch::{Sketch, Sketched};
 use super::{Edge, Moments};
 use crate::geometry::Pose2;
 use crate::registration::{Control, Covariance, MapFeatures, Method, StageTime, Stop};
@@ -17,6 +18,7 @@ pub(super) struct Maps<'a> {
     pub(super) given: Vec<usize>,
     pub(super) features: Vec<MapFeatures>,
     pub(super) moments: Vec<Moments>,
+    sketches: Vec<Sketch>,
 }
 
 impl<'a> Maps<'a> {
@@ -32,12 +34,12 @@ impl<'a> Maps<'a> {
             key(a).cmp(&key(b))
         });
         let ordered: Vec<&WeldInput> = given.iter().map(|&index| &inputs[index]).collect();
-        let (features, moments) = ordered
+        let (features, sketches): (Vec<_>, Vec<_>) = ordered
             .par_iter()
             .map(|input| {
                 let features = input.features.clone();
                 let features = features.unwrap_or_else(|| options.method.features(&input.grid));
-                (features, Moments::of(&input.grid))
+                (features, Sketch::of(&input.grid))
             })
             .unzip();
         Ok(Self {
@@ -46,12 +48,17 @@ impl<'a> Maps<'a> {
             inputs: ordered,
             given,
             features,
-            moments,
+            moments: sketches.iter().map(|sketch| sketch.moments).collect(),
+            sketches,
         })
     }
 
     pub(super) fn len(&self) -> usize {
         self.inputs.len()
+    }
+
+    pub(super) fn sketched(&self, map: usize) -> Sketched<'_> {
+        (&self.inputs[map].grid, &self.sketches[map])
     }
 
     pub(super) fn method(&self) -> &dyn Method {

@@ -10,6 +10,7 @@
 mod bridges;
 mod conflicts;
 mod consistency;
+mod contradiction;
 mod fuse;
 mod group;
 mod input;
@@ -24,12 +25,13 @@ mod pose_graph;
 mod report;
 #[cfg(test)]
 mod scripted;
+mod sketch;
 mod union_find;
-mod walls;
 mod weld;
 
 pub use conflicts::{Conflicts, Votes};
 pub use consistency::{ConsistencyRules, Verdict, verdicts};
+pub use contradiction::ContradictionRules;
 pub use fuse::{FuseError, FuseOptions, Fused, PlacedMap, fuse};
 pub use group::register_set;
 pub use input::{Earlier, KnownPair, Prior, WeldInput, WeldOptions};
