@@ -60,6 +60,14 @@ pub fn file_name(path: &Path) -> String {
     text(path.file_name())
 }
 
+/// Makes a folder, and those above it, unless it is there.
+///
+/// # Errors
+/// [`Failure::BadInput`] when it cannot be made: its name was the caller's choice.
+pub fn make_folder(folder: &Path) -> Result<(), Failure> {
+    fs::create_dir_all(folder).bad_input(|| format!("cannot make the folder {}", folder.display()))
+}
+
 /// Writes a file into a folder.
 ///
 /// # Errors

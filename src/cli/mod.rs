@@ -8,6 +8,7 @@ mod evaluate;
 mod evaluate_sets;
 mod failure;
 pub mod files;
+mod merge;
 pub mod placements;
 #[cfg(feature = "client")]
 mod push;
@@ -37,6 +38,7 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Merge(merge::Merge),
     #[cfg(feature = "client")]
     Push(push::Push),
     Evaluate(evaluate::Evaluate),
@@ -85,6 +87,7 @@ pub fn main() -> ExitCode {
 impl Command {
     fn run(self) -> Result<Done, Failure> {
         match self {
+            Self::Merge(merge) => merge.run(),
             #[cfg(feature = "client")]
             Self::Push(push) => push.run(),
             Self::Evaluate(evaluate) => evaluate.run(),

@@ -56,24 +56,31 @@ pub fn plain_table(header: &[&str]) -> Table {
 /// One map in one sentence.
 #[must_use]
 pub fn sentence(map: &MapPlacement) -> String {
-    match map.pose {
-        Some(pose) => {
-            let Pose { x, y, .. } = pose;
-            let supports = map.supporting_pairs.len();
-            format!(
-                "{} is placed at x {x:.3} m, y {y:.3} m, yaw {:.2} deg ({supports} supporting)",
-                map.name,
-                degrees(pose)
-            )
-        }
-        None => format!("{} is not placed: {}", map.name, why(map, "")),
-    }
+    let Some(pose) = map.pose else {
+        return format!("{} is not placed: {}", map.name, why(map, ""));
+    };
+    let Pose { x, y, .. } = pose;
+    let supported = match map.supporting_pairs.len() {
+        0 => String::new(),
+        1 => ", supported by 1 pair".to_owned(),
+        pairs => format!(", supported by {pairs} pairs"),
+    };
+    format!(
+        "{} is placed at x {x:.3} m, y {y:.3} m, yaw {:.2} deg{supported}",
+        map.name,
+        degrees(pose)
+    )
+}
+
+/// The maps that have their place.
+pub fn placed(result: &MergeResult) -> impl Iterator<Item = &MapPlacement> {
+    result.maps.iter().filter(|map| map.status == PlacementStatus::Placed)
 }
 
 /// Whether every map has its place.
 #[must_use]
 pub fn all_placed(result: &MergeResult) -> bool {
-    result.maps.iter().all(|map| map.status == PlacementStatus::Placed)
+    placed(result).count() == result.maps.len()
 }
 
 fn why(map: &MapPlacement, anchor: &str) -> String {
@@ -106,7 +113,7 @@ mod tests {
         let pose = r#""status":"placed","pose":{"x":1.5,"y":-2,"yaw":1.5707963267948966},"verification_index":0.9,"overlap":0.5,"reason":null"#;
         assert_eq!(
             sentence(&map("ada", pose)),
-            "ada is placed at x 1.500 m, y -2.000 m, yaw 90.00 deg (1 supporting)"
+            "ada is placed at x 1.500 m, y -2.000 m, yaw 90.00 deg, supported by 1 pair"
         );
     }
 

@@ -21,6 +21,7 @@ pub(super) fn warnings_to_stderr() {
         .with_writer(std::io::stderr)
         .with_max_level(tracing::Level::WARN)
         .with_target(false)
+        .with_ansi(false)
         .without_time()
         .try_init();
 }
