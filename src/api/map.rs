@@ -68,7 +68,7 @@ pub struct Pushed {
     pub created: bool,
     /// The map.
     pub map: Map,
-    /// The merge that will take it in; absent when `auto_merge` is off or the content is not new.
+    /// The merge that takes it in, or took it in; absent when the session does not merge by itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub job: Option<JobId>,
 }

@@ -8,7 +8,7 @@ use crate::grid::StateCounts;
 
 /// A pose in the plane: metres and radians, x right, y up, counter-clockwise (REP 103).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
-#[schema(example = json!({ "x": 12.5, "y": -3.25, "yaw": 1.5708 }))]
+#[schema(example = json!({ "x": 12.5, "y": -3.25, "yaw": 0.785 }))]
 pub struct Pose {
     /// Metres along x.
     pub x: f64,

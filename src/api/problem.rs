@@ -59,10 +59,14 @@ impl FieldError {
     pub const VALUE_MAX: usize = 120;
 
     /// A field with the value that it had and what is allowed.
-    pub fn new(field: impl Into<String>, value: impl ToString, limit: impl Into<String>) -> Self {
+    pub fn new(field: impl Into<String>, value: impl Into<String>, limit: impl Into<String>) -> Self {
+        let mut value = value.into();
+        if let Some((cut, _)) = value.char_indices().nth(Self::VALUE_MAX) {
+            value.truncate(cut);
+        }
         Self {
             field: field.into(),
-            value: Some(value.to_string().chars().take(Self::VALUE_MAX).collect()),
+            value: Some(value),
             limit: Some(limit.into()),
         }
     }

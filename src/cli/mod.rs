@@ -9,11 +9,15 @@ mod evaluate_sets;
 mod failure;
 pub mod files;
 mod merge;
+#[cfg(feature = "server")]
+mod openapi;
 pub mod placements;
 #[cfg(feature = "client")]
 mod push;
 #[cfg(any(feature = "client", feature = "server"))]
 mod runtime;
+#[cfg(feature = "server")]
+mod serve;
 mod simulate;
 mod stopwatch;
 mod terminal;
@@ -43,6 +47,11 @@ enum Command {
     Push(push::Push),
     Evaluate(evaluate::Evaluate),
     Simulate(simulate::Simulate),
+    #[cfg(feature = "server")]
+    Serve(serve::Serve),
+    #[cfg(feature = "server")]
+    #[command(name = "openapi")]
+    OpenApi(openapi::OpenApi),
 }
 
 /// How a subcommand ended when it did not fail.
@@ -92,6 +101,10 @@ impl Command {
             Self::Push(push) => push.run(),
             Self::Evaluate(evaluate) => evaluate.run(),
             Self::Simulate(simulate) => simulate.run(),
+            #[cfg(feature = "server")]
+            Self::Serve(serve) => serve.run(),
+            #[cfg(feature = "server")]
+            Self::OpenApi(openapi) => openapi.run(),
         }
     }
 }

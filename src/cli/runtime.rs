@@ -1,6 +1,11 @@
 //! What the commands that talk to a network need around them.
 
+use std::time::Duration;
+
 use super::Failure;
+
+/// How long a computation that nobody waits for any more may hold up the end of the process.
+const LAST_WAIT: Duration = Duration::from_secs(5);
 
 /// Runs a future to its end, with timers, sockets and signals.
 ///
@@ -11,7 +16,9 @@ pub(super) fn block_on<F: Future>(work: F) -> Result<F::Output, Failure> {
         .enable_all()
         .build()
         .map_err(anyhow::Error::from)?;
-    Ok(runtime.block_on(work))
+    let done = runtime.block_on(work);
+    runtime.shutdown_timeout(LAST_WAIT);
+    Ok(done)
 }
 
 /// Shows what the client warns of, such as attempts that failed, to the person at the terminal.

@@ -163,6 +163,16 @@ impl fmt::Display for VersionNumber {
     }
 }
 
+impl FromStr for VersionNumber {
+    type Err = Invalid;
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        text.parse()
+            .ok()
+            .and_then(Self::new)
+            .ok_or_else(|| Invalid::new("version", text, "a whole number from 1 on"))
+    }
+}
+
 impl TryFrom<u32> for VersionNumber {
     type Error = Invalid;
     fn try_from(number: u32) -> Result<Self, Invalid> {

@@ -3,3 +3,6 @@
 
 mod store_contract;
 mod store_sqlite;
+
+#[cfg(feature = "client")]
+mod http;

@@ -1,0 +1,161 @@
+//! `mapweld serve`: the whole service in one process.
+
+use std::net::SocketAddr;
+use std::num::NonZeroUsize;
+use std::pin::pin;
+use std::sync::Arc;
+use std::thread::available_parallelism;
+use std::time::Duration;
+
+use anyhow::Context;
+use clap::Args;
+use tokio::net::TcpListener;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+
+use super::runtime::{block_on, interrupted};
+use super::{BadInput, Done, Failure, say};
+use crate::clock::{Clock, SystemClock, SystemIds};
+use crate::compute::Compute;
+use crate::config::{LogFormat, ServeConfig};
+use crate::http::{AppState, Rooms, app, listen};
+use crate::store::{Blobs, QueueLimits, SqliteStore, Store};
+use crate::telemetry;
+use crate::worker::{Memory, Merges, Worker, WorkerSettings};
+
+/// Serve the HTTP API, the page at / and the queue, from one folder.
+#[derive(Debug, Args)]
+pub(super) struct Serve {
+    #[command(flatten)]
+    config: ServeConfig,
+}
+
+impl Serve {
+    pub(super) fn run(self) -> Result<Done, Failure> {
+        let config = self.config;
+        config.check_listen().bad_input(|| "--listen")?;
+        telemetry::init(&config.log, config.log_format == LogFormat::Json).bad_input(|| "--log")?;
+        block_on(async {
+            let mut interrupted = pin!(interrupted());
+            let server = tokio::select! {
+                biased; // signals are heard before anybody is told that the server is up
+                ended = &mut interrupted => return ended,
+                server = Server::start(&config) => server?,
+            };
+            say(&format!("listening on {}", server.url()))?;
+            interrupted.await?;
+            server.stop().await;
+            Ok(())
+        })??;
+        Ok(Done::Entirely)
+    }
+}
+
+/// A server that runs in this process.
+pub(super) struct Server {
+    address: SocketAddr,
+    store: Arc<SqliteStore>,
+    stop: CancellationToken,
+    listening: JoinHandle<()>,
+    working: JoinHandle<()>,
+}
+
+/// Longest time for requests in flight to finish once the server is told to stop.
+const GRACE: Duration = Duration::from_secs(15);
+/// Longest time for workers to give their jobs back; after that others take them over when the leases expire.
+const GIVE_BACK: Duration = Duration::from_secs(20);
+/// Maps whose features are remembered.
+const MAPS_REMEMBERED: usize = 128;
+
+impl Server {
+    /// Opens the folder, takes up the work that is queued in it, and listens.
+    pub(super) async fn start(config: &ServeConfig) -> Result<Self, Failure> {
+        let listener = TcpListener::bind(config.listen)
+            .await
+            .bad_input(|| format!("cannot listen on {}", config.listen))?;
+        let address = listener.local_addr().context("the socket has no address")?;
+        let limits = QueueLimits {
+            per_session: config.limits.max_queued_per_session,
+            total: config.limits.max_queued,
+            max_attempts: config.work.max_attempts,
+        };
+        let cannot_open = || format!("cannot open {}", config.data.display());
+        let sqlite = SqliteStore::open(&config.data, limits)
+            .await
+            .with_context(cannot_open)?;
+        let sqlite = Arc::new(sqlite);
+        let processors = available_parallelism().unwrap_or(NonZeroUsize::MIN);
+        let workers = config.work.workers.unwrap_or(processors.get());
+        let threads = config.work.threads.and_then(NonZeroUsize::new).unwrap_or(processors);
+        let rooms = Rooms {
+            store: Arc::clone(&sqlite) as Arc<dyn Store>,
+            blobs: Blobs::open_folder(&config.data.join("blobs")).with_context(cannot_open)?,
+            // requests find a place while every worker computes
+            compute: Compute::new(threads, threads.saturating_add(workers)).context("cannot start threads")?,
+            clock: Arc::new(SystemClock::new()),
+            ids: Arc::new(SystemIds),
+            stop: CancellationToken::new(),
+        };
+        let stop = rooms.stop.clone();
+        let working = match NonZeroUsize::new(workers) {
+            Some(at_once) => tokio::spawn(work(worker(&rooms, config, at_once), stop.clone())),
+            None => tokio::spawn(async {}),
+        };
+        let listening = listen(listener, app(AppState::new(rooms, config)), stop.clone(), GRACE);
+        Ok(Self {
+            address,
+            store: sqlite,
+            stop,
+            listening: tokio::spawn(listening),
+            working,
+        })
+    }
+
+    /// Where it is reached.
+    pub(super) fn url(&self) -> String {
+        format!("http://{}", self.address)
+    }
+
+    /// Takes no more requests, finishes those in flight, gives jobs back to the queue, and closes the folder.
+    pub(super) async fn stop(self) {
+        tracing::info!("stopping");
+        self.stop.cancel();
+        let (listening, working) = tokio::join!(self.listening, self.working);
+        for ended in [listening, working] {
+            if let Err(error) = ended {
+                tracing::error!(%error, "a part of the server ended in disorder");
+            }
+        }
+        self.store.close().await;
+        tracing::info!("stopped");
+    }
+}
+
+fn worker(rooms: &Rooms, config: &ServeConfig, at_once: NonZeroUsize) -> Worker {
+    let merges = Merges {
+        store: Arc::clone(&rooms.store),
+        blobs: rooms.blobs.clone(),
+        compute: rooms.compute.clone(),
+        memory: Memory::new(MAPS_REMEMBERED),
+        cells_max: config.limits.max_cells,
+    };
+    let settings = WorkerSettings {
+        at_once,
+        lease: config.work.lease,
+        deadline: config.work.job_deadline,
+        ..WorkerSettings::new(format!("mapweld-{}", std::process::id()))
+    };
+    let clock: Arc<dyn Clock> = Arc::clone(&rooms.clock);
+    Worker::new(Arc::clone(&rooms.store), Arc::new(merges), clock, settings)
+}
+
+async fn work(worker: Worker, stop: CancellationToken) {
+    let late = async {
+        stop.cancelled().await;
+        tokio::time::sleep(GIVE_BACK).await;
+    };
+    tokio::select! {
+        () = worker.run(stop.clone()) => {}
+        () = late => tracing::warn!("a job did not stop in time: it is begun again when its lease expires"),
+    }
+}

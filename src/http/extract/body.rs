@@ -1,0 +1,153 @@
+//! Bodies, read whole, within their limits of size and time.
+
+use std::time::Duration;
+
+use axum::body::Body;
+use axum::extract::{FromRequest, Request};
+use axum::http::{HeaderMap, header};
+use bytes::{Bytes, BytesMut};
+use futures_util::StreamExt;
+
+use crate::api::{FieldError, ProblemCode};
+use crate::http::error::{ApiError, ApiResult};
+use crate::http::state::AppState;
+
+/// The most that a body may be, and the longest that it may take to arrive.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BodyLimits {
+    pub(super) bytes: u64,
+    pub(super) time: Duration,
+}
+
+/// The body of an upload with its media type; counted against the bodies that the server holds at one time.
+pub(in crate::http) struct UploadBody {
+    pub(in crate::http) content_type: String,
+    pub(in crate::http) bytes: Bytes,
+    /// Frees the place of this upload when it is dropped: keep it until the upload is decoded.
+    pub(in crate::http) place: tokio::sync::OwnedSemaphorePermit,
+}
+
+impl FromRequest<AppState> for UploadBody {
+    type Rejection = ApiError;
+
+    async fn from_request(request: Request, state: &AppState) -> ApiResult<Self> {
+        let content_type = request
+            .headers()
+            .get(header::CONTENT_TYPE)
+            .and_then(|value| value.to_str().ok())
+            .unwrap_or_default()
+            .to_owned();
+        let limits = BodyLimits {
+            bytes: state.limits.body_bytes,
+            time: state.limits.body_time,
+        };
+        refuse_by_length(request.headers(), limits.bytes)?;
+        let place = state
+            .uploads
+            .clone()
+            .try_acquire_owned()
+            .map_err(|_| ApiError::new(ProblemCode::Overloaded, "too many uploads at one time; try again"))?;
+        let bytes = read_body(request.into_body(), limits).await?;
+        Ok(Self {
+            content_type,
+            bytes,
+            place,
+        })
+    }
+}
+
+/// The media type without its parameters, in lower case.
+pub(in crate::http) fn media_type(content_type: &str) -> String {
+    content_type
+        .split(';')
+        .next()
+        .unwrap_or_default()
+        .trim()
+        .to_ascii_lowercase()
+}
+
+/// Refuses a body that announces itself as too long, before a byte of it is read.
+pub(super) fn refuse_by_length(headers: &HeaderMap, limit: u64) -> ApiResult<()> {
+    let announced = headers
+        .get(header::CONTENT_LENGTH)
+        .and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
+    match announced {
+        Some(bytes) if bytes > limit => Err(too_large(bytes, limit)),
+        _ => Ok(()),
+    }
+}
+
+/// The whole body.
+pub(super) async fn read_body(body: Body, limits: BodyLimits) -> ApiResult<Bytes> {
+    tokio::time::timeout(limits.time, collect(body, limits.bytes))
+        .await
+        .map_err(|_| {
+            let limit = format!("{} s", limits.time.as_secs_f64());
+            ApiError::new(
+                ProblemCode::BodyTimeout,
+                format!("the body did not arrive within {limit}"),
+            )
+            .field(FieldError::missing("body", limit))
+        })?
+}
+
+async fn collect(body: Body, limit: u64) -> ApiResult<Bytes> {
+    let mut stream = body.into_data_stream();
+    let mut whole = BytesMut::new();
+    while let Some(chunk) = stream.next().await {
+        let chunk = chunk.map_err(|error| {
+            ApiError::new(
+                ProblemCode::BadRequest,
+                format!("the body breaks off or cannot be read: {error}"),
+            )
+        })?;
+        let bytes = whole.len() as u64 + chunk.len() as u64;
+        if bytes > limit {
+            return Err(too_large(bytes, limit));
+        }
+        whole.extend_from_slice(&chunk);
+    }
+    Ok(whole.freeze())
+}
+
+fn too_large(bytes: u64, limit: u64) -> ApiError {
+    let limit = format!("at most {limit} bytes");
+    ApiError::new(
+        ProblemCode::BodyTooLarge,
+        format!("the body has {bytes} bytes or more; allowed are {limit}"),
+    )
+    .field(FieldError::new("body", format!("{bytes} bytes or more"), limit))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: BodyLimits = BodyLimits {
+        bytes: 4,
+        time: Duration::from_secs(5),
+    };
+
+    #[tokio::test]
+    async fn a_body_of_the_limit_is_taken_and_one_byte_more_is_refused() {
+        let read = read_body(Body::from("1234"), LIMITS).await.expect("four bytes");
+        assert_eq!(&read[..], b"1234");
+        assert!(read_body(Body::from("12345"), LIMITS).await.is_err());
+    }
+
+    #[tokio::test]
+    async fn a_body_that_never_ends_is_given_up() {
+        let never = Body::from_stream(futures_util::stream::pending::<Result<Bytes, std::io::Error>>());
+        let limits = BodyLimits {
+            time: Duration::from_millis(5),
+            ..LIMITS
+        };
+        let error = read_body(never, limits).await.expect_err("a deadline");
+        assert!(error.to_string().contains("did not arrive"));
+    }
+
+    #[test]
+    fn parameters_of_a_media_type_do_not_count() {
+        assert_eq!(media_type("Multipart/Form-Data; boundary=x"), "multipart/form-data");
+    }
+}

@@ -1,0 +1,118 @@
+//! What surrounds every request: its id, its line in the log, the finishing of refusals, the security headers.
+
+use std::time::Duration;
+
+use axum::body::Body;
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use tracing::Instrument;
+
+use super::error::{Refusal, refusal_of_status};
+use super::state::AppState;
+use crate::api::PROBLEM_JSON;
+
+/// The header that carries a request's id, in both directions.
+pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+
+/// The outermost layer: gives the request its id, follows it in the log, and turns every refusal, ours or the
+/// router's, into problem+json.
+pub(super) async fn follow(State(state): State<AppState>, request: Request, next: Next) -> Response {
+    let id = request_id(request.headers()).unwrap_or_else(|| state.ids.next().to_string());
+    let method = request.method().clone();
+    let path = request.uri().path().to_owned();
+    let began = state.clock.monotonic();
+    let span = tracing::info_span!("request", %method, path, id);
+
+    let mut response = next.run(request).instrument(span.clone()).await;
+    let _entered = span.enter();
+    if response.status().is_client_error() || response.status().is_server_error() {
+        response = finish_refusal(response, &path, &id);
+    }
+    if let Ok(value) = HeaderValue::from_str(&id) {
+        response.headers_mut().insert(REQUEST_ID, value);
+    }
+    log_answer(&path, response.status(), state.clock.monotonic().saturating_sub(began));
+    response
+}
+
+/// The caller's own id, if it is one that can stand in a log: 1 to 64 of `[A-Za-z0-9._-]`.
+fn request_id(headers: &HeaderMap) -> Option<String> {
+    let id = headers.get(REQUEST_ID)?.to_str().ok()?;
+    let harmless = id
+        .bytes()
+        .all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte));
+    ((1..=64).contains(&id.len()) && harmless).then(|| id.to_owned())
+}
+
+fn finish_refusal(response: Response, path: &str, id: &str) -> Response {
+    let (mut parts, _) = response.into_parts();
+    let Refusal { mut problem, cause } = parts
+        .extensions
+        .remove()
+        .unwrap_or_else(|| refusal_of_status(parts.status));
+    if let Some(cause) = cause {
+        tracing::error!(code = ?problem.code, cause, "request failed");
+    }
+    problem.instance = Some(path.to_owned());
+    id.clone_into(&mut problem.request_id);
+    let body = serde_json::to_vec(&problem).expect("invariant: a problem serialises");
+    parts.headers.remove(header::CONTENT_LENGTH);
+    parts
+        .headers
+        .insert(header::CONTENT_TYPE, HeaderValue::from_static(PROBLEM_JSON));
+    Response::from_parts(parts, Body::from(body))
+}
+
+fn log_answer(path: &str, status: StatusCode, took: Duration) {
+    let (status, seconds) = (status.as_u16(), took.as_secs_f64());
+    if status >= 500 {
+        tracing::warn!(status, seconds, "answered");
+    } else if path == "/livez" || path == "/readyz" {
+        tracing::trace!(status, seconds, "answered");
+    } else {
+        tracing::debug!(status, seconds, "answered");
+    }
+}
+
+/// Headers that make a browser careful with everything that we serve.
+pub(super) async fn secure(request: Request, next: Next) -> Response {
+    let mut response = next.run(request).await;
+    let headers = response.headers_mut();
+    headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    headers.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
+    headers.insert(header::X_FRAME_OPTIONS, HeaderValue::from_static("DENY"));
+    headers
+        .entry(header::CONTENT_SECURITY_POLICY)
+        .or_insert(HeaderValue::from_static("default-src 'none'; frame-ancestors 'none'"));
+    response
+}
+
+/// The answer when a handler panics: a plain 500, which [`follow`] finishes.
+#[expect(clippy::needless_pass_by_value, reason = "the layer hands over the box")]
+pub(super) fn panicked(panic: Box<dyn std::any::Any + Send + 'static>) -> Response {
+    let message = panic
+        .downcast_ref::<String>()
+        .map(String::as_str)
+        .or_else(|| panic.downcast_ref::<&str>().copied());
+    super::error::ApiError::internal(format!("a handler panicked: {}", message.unwrap_or("no message"))).into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_callers_request_id_is_taken_only_when_it_is_harmless_in_a_log() {
+        let with = |id: &str| {
+            let mut headers = HeaderMap::new();
+            headers.insert(REQUEST_ID, HeaderValue::from_str(id).expect("a header value"));
+            request_id(&headers)
+        };
+        assert_eq!(with("robot-7.push_3"), Some("robot-7.push_3".to_owned()));
+        assert_eq!(with("two words"), None);
+        assert_eq!(with(&"x".repeat(65)), None);
+        assert_eq!(with(""), None);
+    }
+}

@@ -1,0 +1,80 @@
+//! The OpenAPI document: what the table of routes does not say by itself.
+
+use serde_json::Value;
+use utoipa::OpenApi;
+use utoipa::openapi::path::Operation;
+use utoipa::openapi::{ContactBuilder, RefOr};
+
+use super::refusals::problem;
+use crate::api::{FieldError, Problem, ProblemCode};
+
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "mapweld",
+        description = "Welds the occupancy grid maps of many robots into one.\n\n\
+            Robots push maps to a session; the service registers them with one another, fuses those that it can place, \
+            and serves every fused version with the pose of each robot's map and the evidence for it, or the reason why \
+            a map is not placed.\n\n\
+            Metres, radians, x right, y up, counter-clockwise (REP 103). `pose` of a map is the pose of its frame in the \
+            anchor's frame: p_anchor = R(yaw) p_map + (x, y). Ids are UUIDv7, times RFC 3339. Every error is \
+            `application/problem+json` (RFC 9457) with a stable `code`.",
+        license(name = "Apache-2.0", identifier = "Apache-2.0"),
+    ),
+    servers((url = "/", description = "This server")),
+    tags(
+        (name = "sessions", description = "Places and times that robots map together"),
+        (name = "maps", description = "What robots push"),
+        (name = "jobs", description = "Merges, and how far they are"),
+        (name = "versions", description = "Fused maps, immutable"),
+        (name = "one-shot", description = "Merges that keep nothing"),
+        (name = "service", description = "The server itself"),
+    ),
+    components(schemas(Problem, ProblemCode, FieldError)),
+)]
+pub(super) struct Document;
+
+/// Adds to every operation what holds for all of them.
+pub(super) fn complete(mut document: utoipa::openapi::OpenApi) -> utoipa::openapi::OpenApi {
+    env!("CARGO_PKG_VERSION").clone_into(&mut document.info.version);
+    document.info.contact = Some(ContactBuilder::new().name(Some("mapweld")).build());
+    for item in document.paths.paths.values_mut() {
+        let operations = [
+            &mut item.get,
+            &mut item.put,
+            &mut item.post,
+            &mut item.patch,
+            &mut item.delete,
+        ];
+        for operation in operations.into_iter().flatten() {
+            any_refusal(operation);
+        }
+    }
+    without_null_defaults(document)
+}
+
+/// Members that may be absent are documented with the default `null`, which most of them do not take as a value.
+fn without_null_defaults(document: utoipa::openapi::OpenApi) -> utoipa::openapi::OpenApi {
+    fn strip(value: &mut Value) {
+        match value {
+            Value::Object(members) => {
+                if members.get("default").is_some_and(Value::is_null) {
+                    members.shift_remove("default");
+                }
+                members.values_mut().for_each(strip);
+            }
+            Value::Array(items) => items.iter_mut().for_each(strip),
+            _ => {}
+        }
+    }
+    let mut value = serde_json::to_value(document).expect("invariant: the document serialises");
+    strip(&mut value);
+    serde_json::from_value(value).expect("invariant: it is still a document")
+}
+
+fn any_refusal(operation: &mut Operation) {
+    operation.responses.responses.insert(
+        "default".to_owned(),
+        RefOr::T(problem("Any other refusal, as application/problem+json")),
+    );
+}

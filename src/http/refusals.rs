@@ -1,0 +1,81 @@
+//! Which refusals an operation documents: groups of codes for the OpenAPI document.
+
+use std::collections::BTreeMap;
+
+use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
+
+use crate::api::{PROBLEM_JSON, ProblemCode};
+
+macro_rules! refusals {
+    ($($(#[$doc:meta])* $name:ident: $($code:ident),+;)*) => {
+        $(
+            $(#[$doc])*
+            pub(super) struct $name;
+
+            impl utoipa::IntoResponses for $name {
+                fn responses() -> BTreeMap<String, RefOr<Response>> {
+                    documented(&[$(ProblemCode::$code),+])
+                }
+            }
+        )*
+    };
+}
+
+refusals! {
+    /// Of a list.
+    BadList: InvalidQuery, InvalidRequest;
+    /// Of a JSON body.
+    BadBody: MalformedJson, BodyTimeout, BodyTooLarge, UnsupportedMediaType, InvalidRequest;
+    /// Of everything below a session.
+    InSession: InvalidPath, SessionNotFound;
+    /// Of a list below a session.
+    SessionList: InvalidPath, InvalidQuery, SessionNotFound, InvalidRequest;
+    /// Of a session that is to be made.
+    SessionClash: InvalidPath, MalformedJson, BodyTimeout, SessionExists, BodyTooLarge, UnsupportedMediaType,
+        InvalidRequest;
+    /// Of a session that is to be changed.
+    BadPatch: InvalidPath, MalformedJson, BodyTimeout, SessionNotFound, BodyTooLarge, UnsupportedMediaType,
+        InvalidRequest;
+    /// Of a map.
+    OfMap: InvalidPath, SessionNotFound, MapNotFound;
+    /// Of a job.
+    OfJob: InvalidPath, InvalidQuery, JobNotFound, InvalidRequest;
+    /// Of a version.
+    OfVersion: InvalidPath, SessionNotFound, VersionNotFound;
+    /// Of an upload.
+    BadUpload: InvalidPath, InvalidQuery, MalformedMultipart, SessionNotFound, BodyTimeout, BodyTooLarge, MapTooLarge,
+        UnsupportedMediaType, InvalidRequest, InvalidMap, QueueFull, Overloaded, StorageUnavailable, ShuttingDown;
+    /// Of a merge that is asked for.
+    BadMerge: InvalidPath, MalformedJson, BodyTimeout, SessionNotFound, BodyTooLarge, UnsupportedMediaType,
+        InvalidRequest, QueueFull, StorageUnavailable;
+    /// Of a merge at once.
+    BadOneShot: InvalidQuery, MalformedMultipart, NotAcceptable, BodyTimeout, BodyTooLarge, MapTooLarge,
+        UnsupportedMediaType, InvalidRequest, InvalidMap, Overloaded, ShuttingDown;
+    /// Of a server that is not ready.
+    NotReady: StorageUnavailable, ShuttingDown;
+}
+
+/// One response for each status, its codes listed.
+fn documented(codes: &[ProblemCode]) -> BTreeMap<String, RefOr<Response>> {
+    let mut by_status = BTreeMap::<u16, Vec<String>>::new();
+    for code in codes {
+        let name = serde_json::to_string(code).expect("invariant: a code serialises");
+        let sentence = format!("`{}`: {}.", name.trim_matches('"'), code.title());
+        by_status.entry(code.status()).or_default().push(sentence);
+    }
+    by_status
+        .into_iter()
+        .map(|(status, sentences)| (status.to_string(), problem(&sentences.join(" ")).into()))
+        .collect()
+}
+
+/// A response that is a problem.
+pub(super) fn problem(description: &str) -> Response {
+    let content = ContentBuilder::new()
+        .schema(Some(Ref::from_schema_name("Problem")))
+        .build();
+    ResponseBuilder::new()
+        .description(description)
+        .content(PROBLEM_JSON, content)
+        .build()
+}
