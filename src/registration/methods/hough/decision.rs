@@ -78,6 +78,11 @@ impl Finalist {
         self.refined.placement
     }
 
+    /// Straight walls deep in free space, in shares of what is found: no matter of noise.
+    fn deep_share(&self) -> f32 {
+        self.score.mean.deep_straight / self.score.mean.soft.max(1.0)
+    }
+
     /// Wall samples of both maps, their mean.
     fn extent(&self) -> f32 {
         let mean = &self.score.mean;
@@ -113,12 +118,12 @@ pub(super) fn rival(ranked: &[Finalist], index: usize, moving: Moments) -> Optio
 /// Decides, and puts the hypothesis that it speaks of in front.
 pub(super) fn decide(ranked: &mut [Finalist], moving: Moments, parameters: &DecisionParameters) -> Verdict {
     let field = Field { ranked, moving };
-    let plain = field.distinct(|f| f.plain, &parameters.plain, parameters);
+    let plain = field
+        .distinct(|f| f.plain, &parameters.plain, parameters)
+        .filter(|&index| ranked[index].deep_share() <= parameters.deep_max);
     let strict = field
         .distinct(|f| f.strict, &parameters.strict, parameters)
-        .filter(|&index| {
-            field.best_rival(index, RIVAL_M, |f| f.plain) <= parameters.strict_plain_ratio * ranked[index].plain
-        });
+        .filter(|&index| field.settled(index, parameters));
     let coarse = field.coarse(parameters);
     let bent = field.bent(parameters);
     let same = if bent.is_some() { 1.0 } else { RIVAL_M };
@@ -195,8 +200,16 @@ impl Field<'_> {
 
     /// The least score: more wall, more chances.
     fn least(&self, index: usize, rule: &RuleParameters, parameters: &DecisionParameters) -> f32 {
-        rule.score_min
-            .max(rule.score_min / parameters.extent_m * 0.1 * self.ranked[index].extent())
+        let grown = parameters.plain.score_min * 0.1 * self.ranked[index].extent() / parameters.extent_m;
+        rule.score_min.max(grown)
+    }
+
+    /// Whether a strict winner is also ahead by the plain score, or all the clearer by its own.
+    fn settled(&self, index: usize, parameters: &DecisionParameters) -> bool {
+        let best = &self.ranked[index];
+        let plain = self.best_rival(index, RIVAL_M, |f| f.plain) / best.plain.max(1.0);
+        let strict = (self.best_rival(index, RIVAL_M, |f| f.strict) + OFFSET) / (best.strict + OFFSET);
+        plain <= parameters.strict_plain_ratio || (plain <= 1.0 && strict <= parameters.strict_settled_ratio)
     }
 
     /// Rules 1 and 2.
@@ -237,6 +250,7 @@ impl Field<'_> {
         let rule = &parameters.coarse;
         (ratio < rule.ratio_max
             && share > rule.share_min
+            && best.deep_share() <= rule.deep_max
             && best.support > 10.0 * rule.support_min_m
             && significance > rule.significance_min)
             .then_some(index)
@@ -251,6 +265,10 @@ impl Field<'_> {
         let mean = &best.score.mean;
         let share = mean.soft / (mean.soft + mean.violated());
         let rule = &parameters.bent;
-        (best.bent > 10.0 * rule.wall_min_m && ratio < rule.ratio_max && share < rule.share_max).then_some(index)
+        (best.bent > 10.0 * rule.wall_min_m
+            && ratio < rule.ratio_max
+            && share > rule.share_min
+            && share < rule.share_max)
+            .then_some(index)
     }
 }

@@ -2,6 +2,40 @@
 //! rest, and the free space the truth.
 //!
 //! Imports `geometry`, `grid` and what is beside `methods` in the room. Pure.
+//!
+//! **Convention.** `pose_fixed_moving`: `p_fixed = pose_fixed_moving * p_moving`. The search itself works between the maps'
+//! local frames (`placement`), with the map of less structure as the moving one, so that an inverse pair gives the
+//! inverse pose and a map posed anew gives nothing but another pose.
+//!
+//! **Method.** Of each map once: states and nearest walls of all cells (`cells`), walls with their directions (`walls`), the
+//! Hough spectrum (`spectrum`). Of a pair: (1) rotations (`rotation`); (2) shifts for each (`translation`); (3) all refined
+//! with few samples, the better ones further (`refine`, `score`, `shortlist`); (4) the decision (`decision`).
+//!
+//! **Shapes and units.** Metres and radians. Walls are counted in samples of 0.1 m. Windows follow the cell size.
+//!
+//! **Cost.** For maps of about 500 x 800 cells, processor time of one thread on a busy machine, median: rotation 0.1 ms,
+//! translation 7.5, coarse refinement 5.7, fine 3.7, polish 1.5, the answer 1.1. The floor of the translation is
+//! (2 + 3 x 6) transforms of 5 N log2 N flops (N = 300 x 300: 0.15 ms each, 3 ms); of the refinement two gathers a sample
+//! from the second cache (300 000 samples at 5 ns: 1.5 ms). Memory: 5 bytes a cell of the known area while features are
+//! made, 4 afterwards, 32 bytes an occupied cell, and for each thread three complex arrays of the padded coarse size.
+//!
+//! **Fails when** a building repeats itself and the maps show no more than what repeats: two equal rooms are equal. It then
+//! answers `Ambiguous` if it sees both, and is wrong if it sees only one of them.
+//!
+//! **Differences from the paper.** All rotation candidates are kept; shifts come from a signed correlation of walls and free
+//! space instead of peak pairs; the pose is refined on walls, not by entropy; V is told but decides nothing (54 % of
+//! refined wrong hypotheses have V above 92 %).
+//!
+//! **How far to trust it.** "Bad" is a wrong or a false merge.
+//!
+//! * 93 + 10 real and simulated matching pairs of 18 buildings and 52 others: 0 bad. Bent maps of two buildings
+//!   (97 + 8): 0 or 1 bad by the coarse cell chosen. 27 pairs of one building without common area: 0 bad.
+//! * About 430 further pairs across these buildings: 0 bad. The bounds hold when all are loosened by a tenth but for two
+//!   bad, and when tightened by a fifth.
+//! * 902 simulated pairs of eight kinds of buildings, 502 of them not matching: 28 bad before their maps were looked at (19 of
+//!   them in deliberately repetitive buildings, 8 in one kind with changed furniture). The bounds were then tightened: 9
+//!   bad, all of them pairs of one repetitive building without common area, whose parts are equal.
+//!
 
 mod agreement;
 mod cells;

@@ -74,8 +74,12 @@ pub struct DecisionParameters {
     pub outdone_ratio: f32,
     /// ... and has itself a plain score above this.
     pub outdone_score: f32,
-    /// The strict rule wants the best other plain score below this share of its own.
+    /// Where the best other plain score is above this share of its own, a strict winner ...
     pub strict_plain_ratio: f32,
+    /// ... must leave the best other strict score below this share.
+    pub strict_settled_ratio: f32,
+    /// A plain winner's straight walls deep in free space are at most this share of what it finds.
+    pub deep_max: f32,
 }
 
 /// When one score is distinct.
@@ -102,6 +106,8 @@ pub struct CoarseParameters {
     pub ratio_max: f32,
     /// Share of the walls in known space that is found, at least.
     pub share_min: f32,
+    /// Straight walls deep in free space, at most this share of what is found.
+    pub deep_max: f32,
     /// Metres of wall that must hold the weaker direction.
     pub support_min_m: f32,
     /// Least significance against the chance rate of the two maps.
@@ -116,7 +122,9 @@ pub struct BentParameters {
     pub wall_min_m: f32,
     /// The runner-up's share at most.
     pub ratio_max: f32,
-    /// Share of the walls in known space that is found, at most: better maps are for the other rules.
+    /// Share of the walls in known space that is found, at least.
+    pub share_min: f32,
+    /// The same, at most: better maps are for the other rules.
     pub share_max: f32,
 }
 
@@ -140,24 +148,28 @@ impl Default for DecisionParameters {
             coarse: CoarseParameters {
                 ratio_max: 0.3,
                 share_min: 0.72,
+                deep_max: 0.1,
                 support_min_m: 3.0,
                 significance_min: 12.0,
             },
             bent: BentParameters {
                 wall_min_m: 100.0,
-                ratio_max: 0.75,
+                ratio_max: 0.63,
+                share_min: 0.28,
                 share_max: 0.7,
             },
             extent_m: 300.0,
             outdone_ratio: 1.6,
             outdone_score: 12.0,
-            strict_plain_ratio: 0.9,
+            strict_plain_ratio: 0.45,
+            strict_settled_ratio: 0.18,
+            deep_max: 0.07,
         }
     }
 }
 
 impl DecisionParameters {
-    fn all(&self) -> [(&'static str, f32); 21] {
+    fn all(&self) -> [(&'static str, f32); 25] {
         let (plain, strict, coarse, bent) = (&self.plain, &self.strict, &self.coarse, &self.bent);
         [
             ("decision.plain.score_min", plain.score_min),
@@ -181,6 +193,10 @@ impl DecisionParameters {
             ("decision.outdone_ratio", self.outdone_ratio),
             ("decision.outdone_score", self.outdone_score),
             ("decision.strict_plain_ratio", self.strict_plain_ratio),
+            ("decision.strict_settled_ratio", self.strict_settled_ratio),
+            ("decision.deep_max", self.deep_max),
+            ("decision.coarse.deep_max", coarse.deep_max),
+            ("decision.bent.share_min", bent.share_min),
         ]
     }
 }
