@@ -214,9 +214,9 @@ fn label_nearest(cells: &mut [u32], cropped: &Cropped) {
             }
         }
     }
+    let limit = u16::try_from(k * k * 128 + 127).expect("invariant: the reach is at most 22 cells");
     let mut above = vec![far; width];
-    let mut column_key = vec![u16::MAX; width + 2 * k];
-    let mut best = vec![u16::MAX; width];
+    let mut column_key = vec![u16::MAX; width.next_multiple_of(LANES) + 2 * k];
     for y in (0..height).rev() {
         let states = &cropped.states[y * width..][..width];
         let below = &below[y * width..][..width];
@@ -232,39 +232,44 @@ fn label_nearest(cells: &mut [u32], cropped: &Cropped) {
         if near == far {
             continue;
         }
-        nearest_in_row(&column_key, &mut best, k);
-        for x in 0..width {
-            let key = best[x];
-            if key == u16::MAX || states[x] == OCCUPIED {
+        for x0 in (0..width).step_by(LANES) {
+            let Some(best) = nearest_of_lanes(&column_key[x0..x0 + LANES + 2 * k], k) else {
                 continue;
-            }
-            let column = x + usize::from(key >> 1 & 0x3f) - k;
-            let label = if key & 1 == 1 {
-                cells[(y + usize::from(above[column])) * width + column]
-            } else {
-                cells[(y - usize::from(below[column])) * width + column]
             };
-            cells[y * width + x] |= label & LABEL_MASK;
+            for (x, key) in (x0..width).zip(best) {
+                if key > limit || states[x] == OCCUPIED {
+                    continue;
+                }
+                let column = x + usize::from((key >> 1) & 0x3f) - k;
+                let label = if key & 1 == 1 {
+                    cells[(y + usize::from(above[column])) * width + column]
+                } else {
+                    cells[(y - usize::from(below[column])) * width + column]
+                };
+                cells[y * width + x] |= label & LABEL_MASK;
+            }
         }
     }
 }
 
-/// `best[x] = min over dx in -k..=k of column_key[x + dx] + dx^2`, with dx + k packed in bits 1..7.
-fn nearest_in_row(column_key: &[u16], best: &mut [u16], k: usize) {
-    best.fill(u16::MAX);
-    let limit = u16::try_from(k * k * 128 + 127).expect("invariant: the reach is at most 22 cells");
+/// Cells of a row that are worked on together: few enough for their best keys to stay in registers.
+const LANES: usize = 16;
+
+/// For each of the lanes `min over dx in -k..=k of column_key[x + dx] + dx^2`, with dx + k packed in bits 1..7; `None`
+/// when no column in reach of any lane has a key.
+fn nearest_of_lanes(column_key: &[u16], k: usize) -> Option<[u16; LANES]> {
+    if column_key.iter().all(|&key| key == u16::MAX) {
+        return None;
+    }
+    let mut best = [u16::MAX; LANES];
     for shift in 0..=2 * k {
         let dx = shift.abs_diff(k);
         let add = u16::try_from(dx * dx * 128 + shift * 2).expect("invariant: the reach is at most 22 cells");
-        for (b, &key) in best.iter_mut().zip(&column_key[shift..]) {
-            *b = (*b).min(key.saturating_add(add));
+        for (best, &key) in best.iter_mut().zip(&column_key[shift..shift + LANES]) {
+            *best = (*best).min(key.saturating_add(add));
         }
     }
-    for b in best {
-        if *b > limit {
-            *b = u16::MAX;
-        }
-    }
+    Some(best)
 }
 
 #[cfg(test)]
