@@ -75,6 +75,17 @@
 //! map -> `codec` encodes -> `store.publish_version`, one transaction, only if the lease is still ours -> `http` serves
 //! it, and whoever watches is told.
 
+#![cfg_attr(
+    test,
+    expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        clippy::float_cmp,
+        reason = "tests compute with small numbers that they know"
+    )
+)]
+
 pub mod api;
 pub mod cli;
 #[cfg(feature = "client")]

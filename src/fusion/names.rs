@@ -15,7 +15,7 @@ pub fn distinct_names<S: AsRef<str>>(names: impl IntoIterator<Item = S>) -> Vec<
             "" => "map",
             name => name,
         };
-        let free = (1_usize..)
+        let free = (1_usize..=usize::MAX)
             .map(|count| match count {
                 1 => name.to_owned(),
                 _ => format!("{name}-{count}"),

@@ -109,6 +109,7 @@ impl Pose2 {
 
 impl Mul for Pose2 {
     type Output = Self;
+    #[expect(clippy::suspicious_arithmetic_impl, reason = "composing poses adds their rotations")]
     fn mul(self, inner: Self) -> Self {
         let [x, y] = self.apply([inner.x, inner.y]);
         Self {

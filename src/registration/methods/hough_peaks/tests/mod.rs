@@ -238,7 +238,7 @@ fn the_method_can_be_stopped_between_any_two_stages() {
         assert_eq!(ran, names[..(at + 1).min(names.len())]);
         match answer {
             Registration::Rejected(rejection) => {
-                assert_eq!((rejection.reason, at < names.len()), (Reason::Deadline, true))
+                assert_eq!((rejection.reason, at < names.len()), (Reason::Deadline, true));
             }
             Registration::Accepted(_) => assert_eq!(at, names.len()),
         }
