@@ -107,7 +107,7 @@ fn every_import_follows_an_arrow() {
 #[test]
 fn every_room_of_the_table_exists_and_every_folder_has_a_row() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let rows: Vec<&str> = ARROWS
+    let rooms: Vec<&str> = ARROWS
         .iter()
         .map(|(room, _)| *room)
         .chain(OPEN.iter().copied())
@@ -119,9 +119,9 @@ fn every_room_of_the_table_exists_and_every_folder_has_a_row() {
             .into_string()
             .expect("a readable name");
         let room = name.trim_end_matches(".rs");
-        assert!(rows.contains(&room), "src/{name} has no row in the table of rooms");
+        assert!(rooms.contains(&room), "src/{name} has no row in the table of rooms");
     }
-    for row in rows {
+    for row in rooms {
         let stands = root.join(row).is_dir() || root.join(format!("{row}.rs")).is_file();
         assert!(stands, "the table names room {row}, but there is none");
     }
