@@ -4,6 +4,8 @@
 //! Exit codes, the same for every subcommand: 0 done; 1 something failed that is not the caller's fault; 2 bad input,
 //! from an unknown option to a map that cannot be decoded; 3 done, but some maps were not placed.
 
+#[cfg(all(feature = "client", feature = "server"))]
+mod demo;
 mod evaluate;
 mod evaluate_sets;
 mod failure;
@@ -42,6 +44,8 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    #[cfg(all(feature = "client", feature = "server"))]
+    Demo(demo::Demo),
     Merge(merge::Merge),
     #[cfg(feature = "client")]
     Push(push::Push),
@@ -96,6 +100,8 @@ pub fn main() -> ExitCode {
 impl Command {
     fn run(self) -> Result<Done, Failure> {
         match self {
+            #[cfg(all(feature = "client", feature = "server"))]
+            Self::Demo(demo) => demo.run(),
             Self::Merge(merge) => merge.run(),
             #[cfg(feature = "client")]
             Self::Push(push) => push.run(),

@@ -1,11 +1,15 @@
 //! Servers that are spawned as a process and driven over HTTP.
 
+mod command;
+mod demo_command;
 mod errors;
 mod events;
 mod jobs;
 mod lifecycle;
+mod merge_command;
 mod one_shot;
 mod pages;
+mod push_command;
 mod rooms;
 mod server;
 mod uploads;
