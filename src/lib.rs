@@ -16,7 +16,7 @@
 //! let yaml = b"image: corridor.pgm\nresolution: 0.05\norigin: [0.0, 0.0, 0.0]\n";
 //! let image = b"P2 3 2 255  0 254 205  254 254 0";
 //! let map = codec::decode_map(yaml, image, &Limits::default())?.grid;
-//! let method = MethodSpec::default_of(MethodName::default()).build();
+//! let method = MethodSpec::default_of(MethodName::Hough).build();
 //! let answer = register(&*method, &map, &map, &Unhurried);
 //! assert!(answer.accepted().is_none(), "three cells are too little to recognise a place by");
 //! # Ok(())

@@ -41,12 +41,14 @@ fn an_independent_reader_sees_every_cell_that_was_written() {
             assert!(count > 100, "the map has enough of {letter}");
             assert_eq!(rows.matches(letter).count(), count, "cells {letter} of {name}");
         }
-        let written: Vec<String> = (0..37).map(|row| grid.row(row).iter().map(letter).collect()).collect();
+        let written: Vec<String> = (0..37)
+            .map(|row| grid.row(row).iter().copied().map(letter).collect())
+            .collect();
         assert_eq!(rows.lines().collect::<Vec<_>>(), written, "{name}");
     }
 }
 
-fn letter(cell: &LogOdds) -> char {
+fn letter(cell: LogOdds) -> char {
     match cell.state() {
         CellState::Free => 'F',
         CellState::Occupied => 'O',
@@ -54,7 +56,7 @@ fn letter(cell: &LogOdds) -> char {
     }
 }
 
-/// The reader's program; nothing when this machine lacks CMake or the library.
+/// The reader's program; nothing when this machine lacks `cmake` or the library.
 fn build_reader() -> Option<PathBuf> {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/independent_reader");
     let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("independent_reader");
