@@ -106,23 +106,23 @@ fn every_import_follows_an_arrow() {
 
 #[test]
 fn every_room_of_the_table_exists_and_every_folder_has_a_row() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let rooms: Vec<&str> = ARROWS
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let table: Vec<&str> = ARROWS
         .iter()
         .map(|(room, _)| *room)
         .chain(OPEN.iter().copied())
         .collect();
-    for entry in fs::read_dir(&root).expect("src is readable") {
+    for entry in fs::read_dir(&source).expect("src is readable") {
         let name = entry
             .expect("an entry")
             .file_name()
             .into_string()
             .expect("a readable name");
         let room = name.trim_end_matches(".rs");
-        assert!(rooms.contains(&room), "src/{name} has no row in the table of rooms");
+        assert!(table.contains(&room), "src/{name} has no row in the table of rooms");
     }
-    for row in rooms {
-        let stands = root.join(row).is_dir() || root.join(format!("{row}.rs")).is_file();
+    for row in table {
+        let stands = source.join(row).is_dir() || source.join(format!("{row}.rs")).is_file();
         assert!(stands, "the table names room {row}, but there is none");
     }
 }

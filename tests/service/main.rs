@@ -1,5 +1,9 @@
 //! The service from outside: the contract of the stores, and servers that are spawned.
 #![cfg(feature = "server")]
+#![expect(
+    clippy::disallowed_methods,
+    reason = "tests of promises about time look at the clock"
+)]
 
 mod store_contract;
 mod store_sqlite;

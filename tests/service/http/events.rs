@@ -44,8 +44,8 @@ impl Events {
                 let mut event = Event::default();
                 for line in block.lines() {
                     match line.split_once(':') {
-                        Some(("event", value)) => event.name = value.trim().to_owned(),
-                        Some(("id", value)) => event.id = value.trim().to_owned(),
+                        Some(("event", value)) => value.trim().clone_into(&mut event.name),
+                        Some(("id", value)) => value.trim().clone_into(&mut event.id),
                         Some(("data", value)) => event.data.push_str(value.trim()),
                         _ => {}
                     }

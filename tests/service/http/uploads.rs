@@ -120,11 +120,11 @@ async fn a_session_can_be_made_changed_listed_and_deleted() {
     let all: Page<Session> = server.read("/v1/sessions").await;
     assert_eq!(all.items.len(), 2);
     for session in ["hall", made.id.as_str()] {
-        let path = format!("/v1/sessions/{session}");
-        let gone = server.request("DELETE", &path).send().await.expect("an answer");
-        assert_eq!(gone.status(), StatusCode::NO_CONTENT);
+        let address = format!("/v1/sessions/{session}");
+        let deleted = server.request("DELETE", &address).send().await.expect("an answer");
+        assert_eq!(deleted.status(), StatusCode::NO_CONTENT);
         assert_eq!(
-            server.get(&path).send().await.expect("an answer").status(),
+            server.get(&address).send().await.expect("an answer").status(),
             StatusCode::NOT_FOUND
         );
     }
