@@ -22,6 +22,7 @@ pub(super) fn block_on<F: Future>(work: F) -> Result<F::Output, Failure> {
 }
 
 /// Shows what the client warns of, such as attempts that failed, to the person at the terminal.
+#[cfg(feature = "client")]
 pub(super) fn warnings_to_stderr() {
     // Refused when something else has already taken over the log: then it is told there.
     let _ = tracing_subscriber::fmt()
