@@ -117,7 +117,7 @@ impl Bridges {
         });
         let pose = accepted.pose_fixed_moving;
         let (fixed, moving) = (record.fixed[0], record.moving[0]);
-        let agreeing: Vec<(usize, usize)> = hints(pairs, layout, fixed, moving)
+        let agreeing: Vec<(usize, usize)> = hints(maps, pairs, layout, fixed, moving)
             .filter(|hint| distance(maps, layout, moving, hint.pose_a_b, pose) <= maps.options.joint.tolerance_m)
             .map(|hint| (hint.pair, hint.candidate))
             .collect();
@@ -132,7 +132,7 @@ fn join_by_hints(maps: &Maps<'_>, pairs: &mut [PairRecord], links: &mut Vec<Link
     let best = group_pairs(maps, layout, &groups)
         .filter_map(|(a, b)| {
             let (a, b) = (groups[a][0], groups[b][0]);
-            let hints: Vec<Hint> = hints(pairs, layout, a, b).collect();
+            let hints: Vec<Hint> = hints(maps, pairs, layout, a, b).collect();
             bridge(
                 &hints,
                 |one, other| distance(maps, layout, b, one, other),
@@ -179,8 +179,16 @@ fn group_pairs<'a>(
         .filter(|&(a, b)| !kept_apart(maps, layout, groups[a][0], groups[b][0]))
 }
 
-/// What the candidates of all rejected pairs between two groups (named by their first maps) say of how they lie.
-fn hints<'a>(pairs: &'a [PairRecord], layout: &'a Layout, a: usize, b: usize) -> impl Iterator<Item = Hint> + 'a {
+/// What the candidates of all rejected pairs between two groups (named by their first maps) say of how they lie; not those
+/// that the method would never publish.
+fn hints<'a>(
+    maps: &'a Maps<'_>,
+    pairs: &'a [PairRecord],
+    layout: &'a Layout,
+    a: usize,
+    b: usize,
+) -> impl Iterator<Item = Hint> + 'a {
+    let required = maps.method().required_verification();
     pairs.iter().enumerate().flat_map(move |(index, pair)| {
         let [fixed, moving] = [pair.fixed, pair.moving].map(|map| layout.first[map]);
         let candidates = match &pair.registration {
@@ -189,7 +197,9 @@ fn hints<'a>(pairs: &'a [PairRecord], layout: &'a Layout, a: usize, b: usize) ->
             }
             _ => &[],
         };
-        candidates.iter().enumerate().map(move |(candidate, hypothesis)| {
+        let candidates = candidates.iter().enumerate();
+        let publishable = candidates.filter(move |(_, hypothesis)| hypothesis.evidence.suffices(required));
+        publishable.map(move |(candidate, hypothesis)| {
             let [at_fixed, at_moving] = [pair.fixed, pair.moving].map(|map| layout.places[map].pose);
             let pose = at_fixed * hypothesis.pose_fixed_moving * at_moving.inverse();
             Hint {

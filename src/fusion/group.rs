@@ -219,7 +219,11 @@ fn follow_guesses(maps: &Maps<'_>, known: &KnownPoses, pairs: &mut [PairRecord],
             continue;
         }
         let (pose, reach) = known_poses::relative(&known.poses, a, b);
-        let near = |candidate: &Candidate| maps.moments[b].distance(candidate.pose_fixed_moving, pose) <= reach;
+        let required = maps.method().required_verification();
+        let near = |candidate: &Candidate| {
+            candidate.evidence.suffices(required)
+                && maps.moments[b].distance(candidate.pose_fixed_moving, pose) <= reach
+        };
         if let Some(chosen) = rejection.candidates.iter().position(near) {
             pair.role = PairRole::GuessSupport(chosen);
             links.push(candidate_link(pair, chosen, index));

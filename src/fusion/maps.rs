@@ -77,9 +77,15 @@ impl<'a> Maps<'a> {
         self.options.forbidden.iter().any(named)
     }
 
-    /// A pair that was registered before, with its maps named by their index here.
+    /// A pair that was registered before, with its maps named by their index here. Not one that was accepted by less than
+    /// the method requires now: it is registered again.
     pub(super) fn remembered(&self) -> impl Iterator<Item = (usize, usize, &'a KnownPair)> {
-        let known = self.options.known_pairs.iter();
+        let required = self.method().required_verification();
+        let suffices = move |pair: &&KnownPair| {
+            let accepted = pair.registration.accepted();
+            accepted.is_none_or(|accepted| accepted.evidence.suffices(required))
+        };
+        let known = self.options.known_pairs.iter().filter(suffices);
         known.map(|pair| (self.here(pair.fixed), self.here(pair.moving), pair))
     }
 

@@ -26,6 +26,8 @@ mod report;
 #[cfg(test)]
 mod scripted;
 mod sketch;
+#[cfg(test)]
+mod threshold_tests;
 mod union_find;
 mod weld;
 

@@ -18,6 +18,7 @@ pub(super) struct Scripted {
     answers: BTreeMap<(usize, usize), Registration>,
     /// The answer for a fused group against anything.
     pub(super) group: Option<Registration>,
+    required: Option<f64>,
     pub(super) searches: AtomicUsize,
     pub(super) looks: AtomicUsize,
 }
@@ -41,6 +42,14 @@ pub(super) fn world(maps: usize) -> (Vec<Pose2>, Vec<WeldInput>) {
 }
 
 impl Scripted {
+    /// A method that requires so much of a pose; 0.97 is what all answers have.
+    pub(super) fn requiring(required: Option<f64>) -> Self {
+        Self {
+            required,
+            ..Self::default()
+        }
+    }
+
     /// The pair is accepted, `off` away from the truth.
     pub(super) fn accept_off(&mut self, truth: &[Pose2], a: usize, b: usize, score: f64, off: Pose2) {
         let acceptance = Acceptance {
@@ -144,6 +153,10 @@ impl Method for Scripted {
     fn register(&self, fixed: &MapFeatures, moving: &MapFeatures, _: &dyn Control) -> Registration {
         self.searches.fetch_add(1, Ordering::Relaxed);
         self.answer(fixed, moving)
+    }
+
+    fn required_verification(&self) -> Option<f64> {
+        self.required
     }
 
     fn verify_at(&self, fixed: &MapFeatures, moving: &MapFeatures, _: Pose2, _: &dyn Control) -> Registration {

@@ -138,6 +138,15 @@ pub struct Evidence {
     pub runner_up: Option<RunnerUp>,
 }
 
+impl Evidence {
+    /// Whether a pose may be published by a method that requires this verification index
+    /// ([`super::Method::required_verification`]).
+    #[must_use]
+    pub fn suffices(&self, required: Option<f64>) -> bool {
+        required.is_none_or(|least| self.verification_index.is_some_and(|index| index >= least))
+    }
+}
+
 /// The rival of a hypothesis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunnerUp {

@@ -99,6 +99,10 @@ impl Method for Remembering {
         registration
     }
 
+    fn required_verification(&self) -> Option<f64> {
+        self.method.required_verification()
+    }
+
     fn verify_at(
         &self,
         fixed: &MapFeatures,
@@ -215,6 +219,9 @@ mod tests {
                 stages: Vec::new(),
             })
         }
+        fn required_verification(&self) -> Option<f64> {
+            Some(0.875)
+        }
     }
 
     struct Cancelled;
@@ -241,6 +248,7 @@ mod tests {
             let (a, b) = (method.features(&grid(3)), method.features(&grid(4)));
             answers.push((method.register(&a, &b, &Unhurried), method.register(&b, &a, &Unhurried)));
             assert_eq!(method.registered(), 2);
+            assert_eq!(method.required_verification(), Some(0.875));
         }
         assert_eq!(answers[0], answers[1]);
         assert_ne!(answers[0].0, answers[0].1, "a pair the other way round is another pair");

@@ -11,6 +11,7 @@ use crate::clock::{Clock, Ids, SystemClock, SystemIds};
 use crate::geometry::{Angle, Pose2};
 use crate::grid::{Lattice, LogOdds, OccupancyGrid};
 use crate::model::{JobId, JobState, MapId, NewMap, SessionId, SessionSettings, Version, VersionSelector};
+use crate::registration::MethodName;
 use crate::store::{AddMap, Page, QueueLimits, SqliteStore};
 use crate::worker::{Ran, Worker, WorkerSettings};
 
@@ -250,6 +251,54 @@ async fn a_remembered_merge_and_a_fresh_one_give_the_same_document_and_content()
             (first.grid, first.png, first.overlay)
         );
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn no_method_publishes_a_robot_below_its_threshold_unless_it_is_asked_to() {
+    let bench = Bench::new().await;
+    // frames that nearly coincide: `hough-peaks` looks no farther
+    let left = part_of_floor(0, 290, Pose2::new(-1.0, -2.0, Angle::ZERO));
+    let mut right = part_of_floor(100, 400, Pose2::new(4.1, -1.9, Angle::from_degrees(3.0)));
+    // what was free for one robot is occupied for the other: no pose makes all cells agree
+    for row in 175..235 {
+        for column in 30..65 {
+            let index = right.lattice().index(column, row);
+            right.cells_mut()[index] = LogOdds::OCCUPIED;
+        }
+    }
+    bench.push("r1", &left).await;
+    bench.push("r2", &right).await;
+    bench.run_all().await;
+    let mut deciding_by_it = 0;
+    for name in MethodName::ALL {
+        let mut published = Vec::new();
+        for accept_unverified in [false, true] {
+            let parameters = serde_json::json!({"verification_threshold": 1.0, "accept_unverified": accept_unverified});
+            let Ok(method) = MethodSpec::new(name, Some(parameters)) else {
+                continue; // the default method has no such threshold
+            };
+            assert_eq!(
+                method.build().required_verification().is_none(),
+                accept_unverified,
+                "{name}"
+            );
+            bench
+                .ask(MergeRequest {
+                    method: Some(method),
+                    ..MergeRequest::default()
+                })
+                .await;
+            bench.run_all().await;
+            let result = without_timings(&bench.latest().await);
+            published.push((result.placed(), result.method.name()));
+        }
+        if published.is_empty() {
+            continue;
+        }
+        deciding_by_it += 1;
+        assert_eq!(published, [(1, name), (2, name)], "{name}");
+    }
+    assert_eq!(deciding_by_it, MethodName::ALL.len() - 1);
 }
 
 #[tokio::test(flavor = "multi_thread")]

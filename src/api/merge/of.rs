@@ -317,6 +317,10 @@ mod tests {
                 stages: Vec::new(),
             })
         }
+
+        fn required_verification(&self) -> Option<f64> {
+            None
+        }
     }
 
     #[test]

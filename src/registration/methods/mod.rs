@@ -1,13 +1,19 @@
 //! The registration methods behind one trait, and their choice by name.
 //!
-//! Each method is a folder of its own. `hough` is the default; `hough-peaks` is the paper's pipeline.
+//! Each method is a folder of its own. `hough` is the default; `hough-peaks` is the paper's pipeline, and the others are
+//! those that the paper compares it with (its Table 3). `shared` is what these have in common.
 
+pub mod fourier_hough;
 pub mod hough;
 pub mod hough_peaks;
+pub mod hough_spectrum;
 mod parameter;
+pub(crate) mod shared;
 mod spec;
 
+pub use fourier_hough::{FourierHough, FourierHoughParams};
 pub use hough_peaks::{HoughPeaks, HoughPeaksParams};
+pub use hough_spectrum::{HoughSpectrum, HoughSpectrumParams};
 pub use parameter::ParameterError;
 pub use spec::{MethodError, MethodSpec};
 
@@ -30,6 +36,11 @@ pub trait Method: Send + Sync {
 
     /// The pose of the moving map's frame in the fixed map's frame, or why not. Looks at `control` between stages.
     fn register(&self, fixed: &MapFeatures, moving: &MapFeatures, control: &dyn Control) -> Registration;
+
+    /// The least verification index (eq. 34) that a pose of this method must have to be published, however it was chosen
+    /// among the candidates; `None` for a method that does not decide by it, and when the caller asked for answers below
+    /// the threshold. [`Method::register`] accepts nothing below it.
+    fn required_verification(&self) -> Option<f64>;
 
     /// Whether the maps confirm a pose that is known from elsewhere, and the best pose near it. Accepted: the maps agree
     /// there. Rejected: they do not, and nothing else was looked for. The evidence may lack a runner-up.
@@ -55,11 +66,15 @@ pub enum MethodName {
     Hough,
     /// The paper's pipeline (Saeedi et al., Algorithms 1 and 2).
     HoughPeaks,
+    /// Carpin's Hough spectra: all rotation candidates, projections along x and y correlated.
+    HoughSpectrum,
+    /// Phase correlation of the Hough images for the rotation, Fourier correlation of the maps for the translation.
+    FourierHough,
 }
 
 impl MethodName {
     /// All methods, the default first.
-    pub const ALL: [Self; 2] = [Self::Hough, Self::HoughPeaks];
+    pub const ALL: [Self; 4] = [Self::Hough, Self::HoughPeaks, Self::HoughSpectrum, Self::FourierHough];
 
     /// As in `--method`.
     #[must_use]
@@ -67,6 +82,8 @@ impl MethodName {
         match self {
             Self::Hough => "hough",
             Self::HoughPeaks => "hough-peaks",
+            Self::HoughSpectrum => "hough-spectrum",
+            Self::FourierHough => "fourier-hough",
         }
     }
 }

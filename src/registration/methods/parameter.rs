@@ -59,6 +59,15 @@ impl ParameterError {
     }
 }
 
+/// As [`parse`], and within their ranges.
+pub(super) fn parse_checked<P: DeserializeOwned + Default>(
+    parameters: Option<Value>,
+    validate: impl Fn(&P) -> Result<(), ParameterError>,
+) -> Result<P, ParameterError> {
+    let parameters = parse(parameters)?;
+    validate(&parameters).map(|()| parameters)
+}
+
 /// The parameters that a JSON object names, all others at their defaults; `None` and null name none.
 pub(super) fn parse<P: DeserializeOwned + Default>(parameters: Option<Value>) -> Result<P, ParameterError> {
     let fields = match parameters {

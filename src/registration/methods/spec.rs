@@ -9,7 +9,10 @@ use utoipa::{PartialSchema, ToSchema};
 
 use super::hough::{Hough, HoughParameters, HoughParametersError};
 use super::parameter::{self, ParameterError};
-use super::{HoughPeaks, HoughPeaksParams, Method, MethodName};
+use super::{
+    FourierHough, FourierHoughParams, HoughPeaks, HoughPeaksParams, HoughSpectrum, HoughSpectrumParams, Method,
+    MethodName,
+};
 
 /// A method with parameters that were checked: `{"name": "hough-peaks", "parameters": {"v_gate": 12}}`.
 ///
@@ -34,6 +37,8 @@ pub struct MethodSpec {
 enum Choice {
     Hough(HoughParameters),
     HoughPeaks(HoughPeaksParams),
+    HoughSpectrum(HoughSpectrumParams),
+    FourierHough(FourierHoughParams),
 }
 
 /// How a [`MethodSpec`] is written.
@@ -63,7 +68,7 @@ impl ToSchema for MethodSpec {
 /// Why there is no such method.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MethodError {
-    /// The parameters cannot be read, or those of `hough-peaks` are out of range.
+    /// The parameters cannot be read, or one of a method other than `hough` is out of range.
     #[error("method {method}: {problem}")]
     Parameters {
         /// The method that was asked for.
@@ -93,6 +98,12 @@ impl MethodSpec {
                 let params = parameter::parse(parameters).and_then(HoughPeaksParams::checked);
                 Choice::HoughPeaks(params.map_err(in_method)?)
             }
+            MethodName::HoughSpectrum => Choice::HoughSpectrum(
+                parameter::parse_checked(parameters, HoughSpectrumParams::validate).map_err(in_method)?,
+            ),
+            MethodName::FourierHough => Choice::FourierHough(
+                parameter::parse_checked(parameters, FourierHoughParams::validate).map_err(in_method)?,
+            ),
         };
         Ok(Self { choice })
     }
@@ -112,6 +123,8 @@ impl MethodSpec {
         match self.choice {
             Choice::Hough(_) => MethodName::Hough,
             Choice::HoughPeaks(_) => MethodName::HoughPeaks,
+            Choice::HoughSpectrum(_) => MethodName::HoughSpectrum,
+            Choice::FourierHough(_) => MethodName::FourierHough,
         }
     }
 
@@ -124,6 +137,8 @@ impl MethodSpec {
         let object = match &self.choice {
             Choice::Hough(parameters) => serde_json::to_value(parameters),
             Choice::HoughPeaks(params) => serde_json::to_value(params),
+            Choice::HoughSpectrum(params) => serde_json::to_value(params),
+            Choice::FourierHough(params) => serde_json::to_value(params),
         };
         object.expect("invariant: parameters are numbers and names")
     }
@@ -138,6 +153,8 @@ impl MethodSpec {
         match &self.choice {
             Choice::Hough(parameters) => Arc::new(Hough::new(parameters.clone()).expect(CHECKED)),
             Choice::HoughPeaks(params) => Arc::new(HoughPeaks::new(params.clone()).expect(CHECKED)),
+            Choice::HoughSpectrum(params) => Arc::new(HoughSpectrum::new(params.clone()).expect(CHECKED)),
+            Choice::FourierHough(params) => Arc::new(FourierHough::new(params.clone()).expect(CHECKED)),
         }
     }
 }

@@ -10,13 +10,13 @@ use rustfft::num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 
 /// Twiddle factors, computed once a length.
-pub(super) struct Planner(Mutex<FftPlanner<f32>>);
+pub(crate) struct Planner(Mutex<FftPlanner<f32>>);
 
 /// A transform of one size; cheap to clone.
 #[derive(Clone)]
-pub(super) struct Plan {
-    pub(super) width: usize,
-    pub(super) height: usize,
+pub(crate) struct Plan {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
     rows: Arc<dyn Fft<f32>>,
     columns: Arc<dyn Fft<f32>>,
     rows_back: Arc<dyn Fft<f32>>,
@@ -24,11 +24,11 @@ pub(super) struct Plan {
 }
 
 impl Planner {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self(Mutex::new(FftPlanner::new()))
     }
 
-    pub(super) fn plan(&self, width: usize, height: usize) -> Plan {
+    pub(crate) fn plan(&self, width: usize, height: usize) -> Plan {
         let mut planner = self.0.lock().expect("invariant: planning does not panic");
         Plan {
             width,
@@ -42,19 +42,19 @@ impl Planner {
 }
 
 impl Plan {
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.width * self.height
     }
 
     /// The transposed spectrum of `data`, of which only the first `used` rows are not zero. `data` is scratch afterwards.
-    pub(super) fn forward(&self, data: &mut [Complex32], used: usize, spectrum: &mut [Complex32]) {
+    pub(crate) fn forward(&self, data: &mut [Complex32], used: usize, spectrum: &mut [Complex32]) {
         process(&*self.rows, &mut data[..used * self.width]);
         transpose(data, spectrum, self.width, self.height);
         process(&*self.columns, spectrum);
     }
 
     /// The array of a transposed spectrum, times the cell count. `spectrum` is scratch afterwards.
-    pub(super) fn inverse(&self, spectrum: &mut [Complex32], data: &mut [Complex32]) {
+    pub(crate) fn inverse(&self, spectrum: &mut [Complex32], data: &mut [Complex32]) {
         process(&*self.columns_back, spectrum);
         transpose(spectrum, data, self.height, self.width);
         process(&*self.rows_back, data);
@@ -83,7 +83,7 @@ fn transpose(from: &[Complex32], to: &mut [Complex32], width: usize, height: usi
 }
 
 /// The least 2^a 3^b 5^c at or above `least`, with few factors of 5.
-pub(super) fn good_length(least: usize) -> usize {
+pub(crate) fn good_length(least: usize) -> usize {
     let mut best = usize::MAX;
     for five in [1, 5, 25] {
         for three in [1, 3, 9, 27] {

@@ -46,7 +46,7 @@ mod agreement;
 mod cells;
 mod decision;
 mod features;
-mod fft;
+pub(crate) mod fft;
 mod num;
 mod params;
 mod placement;
@@ -243,6 +243,10 @@ impl Method for Hough {
             Registration::Rejected(rejection) => rejection.stages = stages.times,
         }
         answer
+    }
+
+    fn required_verification(&self) -> Option<f64> {
+        None // told, and never asked: see the decision
     }
 
     fn verify_at(

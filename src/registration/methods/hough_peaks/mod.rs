@@ -41,22 +41,21 @@
 //! * disagreement counts cells known in both maps (eq. 33), and an answer needs a least overlap.
 
 mod features;
-mod hough_image;
 mod params;
-mod peaks;
 mod psi_hat;
 mod rotation_tuning;
 mod search;
 mod spectrum;
 mod translation;
 mod translation_tuning;
-mod verification;
 
 pub use params::{
     Disagreement, HoughPeaksParams, Pairing, PsiHat, RotationChoice, RotationTuning, Spectrum, TranslationTuning,
 };
 
 use crate::grid::OccupancyGrid;
+use crate::registration::methods::shared::map::{Map, Prepared};
+use crate::registration::methods::shared::search::{Order, Question, register};
 use crate::registration::methods::{Method, MethodName, ParameterError};
 use crate::registration::overlap::StateMap;
 use crate::registration::{Control, MapFeatures, Registration};
@@ -90,11 +89,27 @@ impl Method for HoughPeaks {
     }
 
     fn features(&self, map: &OccupancyGrid) -> MapFeatures {
-        MapFeatures::new(Features::new(StateMap::new(map), &self.params))
+        MapFeatures::new(Features::of(Map::new(StateMap::new(map)), &self.params))
     }
 
     fn register(&self, fixed: &MapFeatures, moving: &MapFeatures, control: &dyn Control) -> Registration {
-        search::register(fixed.of(), moving.of(), control, &self.params)
+        let question = Question {
+            params: &self.params,
+            rule: self.params.rule(),
+            wall_min_m: self.params.wall_min_m,
+            order: Order::AsGiven,
+        };
+        register(
+            fixed.of::<Features>(),
+            moving.of(),
+            control,
+            &question,
+            |fixed, moving, stages| search::search(fixed, moving, stages, &self.params),
+        )
+    }
+
+    fn required_verification(&self) -> Option<f64> {
+        self.params.rule().required()
     }
 }
 

@@ -3,6 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::registration::methods::ParameterError;
+use crate::registration::methods::shared::peaks::PeakRule;
+pub use crate::registration::methods::shared::spectrum::Spectrum;
+pub use crate::registration::methods::shared::verification::Disagreement;
+use crate::registration::methods::shared::verification::Rule;
 
 /// All tuning constants of `hough-peaks`. "Table 2" is the paper's table of nominal values; "ours" marks what the paper
 /// leaves open. Cells are those of the coarser of the two maps; votes are occupied cells on a line.
@@ -69,6 +73,9 @@ pub struct HoughPeaksParams {
     /// The overlap that an answer needs; V of a few cells means nothing. A share, 0 to 1. Default 0.1 (ours: the least
     /// overlap of the paper's section 6.4).
     pub overlap_min: f64,
+    /// Whether the best hypothesis is the answer even when its verification index is below the threshold. Default false:
+    /// nothing below the threshold is ever published (eq. 34).
+    pub accept_unverified: bool,
 }
 
 /// How associated peaks estimate the rotation (Algorithm 1 line 11).
@@ -81,19 +88,6 @@ pub enum PsiHat {
     CircularMean,
     /// The paper's formula, read as radians: the mean difference of the tangents. Not an angle, and unbounded.
     MeanOfTangents,
-}
-
-/// The order invariant function f of a column of the Hough image (eq. 22).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, utoipa::ToSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Spectrum {
-    /// The greatest value: the longest wall of each direction. The paper's choice.
-    #[default]
-    Max,
-    /// The mean of the values that are not zero.
-    MeanOfNonZeros,
-    /// The entropy in bits of the values, normalised to a sum of 1.
-    Entropy,
 }
 
 /// How one of the rotation hypotheses is chosen (eq. 26).
@@ -144,17 +138,6 @@ pub enum TranslationTuning {
     Off,
 }
 
-/// Which cells count as disagreement (eq. 33).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, utoipa::ToSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Disagreement {
-    /// Cells known in both maps, of two states.
-    #[default]
-    KnownInBoth,
-    /// The paper's words: cells known in at least one map and of unequal state. No partial overlap reaches 92 % so.
-    KnownInOne,
-}
-
 impl Default for HoughPeaksParams {
     fn default() -> Self {
         Self {
@@ -184,6 +167,7 @@ impl Default for HoughPeaksParams {
             disagreement: Disagreement::default(),
             verification_threshold: 0.92,
             overlap_min: 0.1,
+            accept_unverified: false,
         }
     }
 }
@@ -259,15 +243,28 @@ impl HoughPeaksParams {
         P::check("support_min_m", self.support_min_m, 0.0, 1000.0, "m")?;
         P::check("delta_x", f64::from(self.delta_x), 0.0, 64.0, "cells")?;
         P::check("delta_y", f64::from(self.delta_y), 0.0, 64.0, "cells")?;
-        P::check(
-            "verification_threshold",
-            self.verification_threshold,
-            0.0,
-            1.0,
-            "(a share)",
-        )?;
-        P::check("overlap_min", self.overlap_min, 0.0, 1.0, "(a share)")?;
+        self.rule().check()?;
         Ok(self)
+    }
+
+    /// When a hypothesis is accepted.
+    pub(super) fn rule(&self) -> Rule {
+        Rule {
+            disagreement: self.disagreement,
+            threshold: self.verification_threshold,
+            overlap_min: self.overlap_min,
+            accept_unverified: self.accept_unverified,
+        }
+    }
+
+    /// What a local peak is.
+    pub(super) fn peak_rule(&self) -> PeakRule {
+        PeakRule {
+            fraction: self.peak_fraction,
+            separation_degrees: self.peak_separation_degrees,
+            separation_cells: self.peak_separation_cells,
+            most: self.peaks_max,
+        }
     }
 }
 

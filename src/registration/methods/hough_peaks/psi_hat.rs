@@ -13,10 +13,10 @@
 //! differences; it is the default, and lies in (-90, 90] degrees. [`PsiHat::MeanOfTangents`] is the printed formula,
 //! read as radians.
 
-use super::hough_image::{Directions, to_f64};
 use super::params::{HoughPeaksParams, PsiHat};
-use super::peaks::Peak;
 use crate::geometry::Angle;
+use crate::registration::methods::shared::hough_image::{Directions, to_f64};
+use crate::registration::methods::shared::peaks::Peak;
 
 /// Peaks of the fixed and the moving map that belong together by their votes: the paper's set C (eq. 21).
 pub(super) fn associate_by_votes(fixed: &[Peak], moving: &[Peak], v_gate: f64) -> Vec<(Peak, Peak)> {

@@ -1,4 +1,4 @@
-//! The spectrum h(theta) of a Hough image and the circular cross-correlation of two of them (eq. 22 to 26).
+//! The circular cross-correlation of the spectra of two Hough images, and the choice among its maxima (eq. 22 to 26).
 //!
 //! **Convention.** The moving map rotated by psi has the spectrum `h'(theta) = h(theta - psi)` (Property 1), so the
 //! correlation `C(psi) = sum h_fixed(theta) h_moving(theta - psi)` is greatest at the rotation that lays the moving map's
@@ -6,8 +6,7 @@
 //!
 //! **Method.**
 //!
-//! 1. `h(theta) = f(column theta)`, f invariant to the order of a column (eq. 22): the translation moves the bins of a
-//!    column and leaves h as it is.
+//! 1. h(theta) of both maps (eq. 22, `shared::spectrum`).
 //! 2. `C` over all whole degrees, circular with period 180 degrees (eq. 24), means removed.
 //! 3. Its local maxima, the greatest first (eq. 25).
 //! 4. The choice (eq. 26): the candidate nearest to psi-hat among them and their half turns, or all of them.
@@ -20,78 +19,18 @@
 //! the four candidates of the paper's example over 360 degrees are two maxima twice. One hypothesis chosen by psi-hat is
 //! mostly the wrong one, so by default all go on and the verification decides.
 
-use super::hough_image::{COLUMNS, HoughImage, to_f64};
-use super::params::{HoughPeaksParams, RotationChoice, Spectrum};
+use super::params::{HoughPeaksParams, RotationChoice};
 use crate::geometry::Angle;
-
-/// `f` of one column (eq. 22).
-pub(super) fn value_of(column: &[u32], f: Spectrum) -> f64 {
-    let sum: u64 = column.iter().map(|votes| u64::from(*votes)).sum();
-    #[expect(clippy::cast_precision_loss, reason = "votes stay far below 2^52")]
-    let sum = sum as f64;
-    match f {
-        Spectrum::Max => f64::from(column.iter().copied().max().unwrap_or(0)),
-        Spectrum::MeanOfNonZeros => {
-            let non_zeros = column.iter().filter(|votes| **votes > 0).count();
-            if non_zeros == 0 { 0.0 } else { sum / to_f64(non_zeros) }
-        }
-        Spectrum::Entropy => -column
-            .iter()
-            .filter(|votes| **votes > 0)
-            .map(|votes| f64::from(*votes) / sum)
-            .map(|p| p * p.log2())
-            .sum::<f64>(),
-    }
-}
-
-/// h(theta) of an image (eq. 22), a value a column.
-pub(super) fn spectrum(image: &HoughImage, f: Spectrum) -> Vec<f64> {
-    image.columns().map(|column| value_of(column, f)).collect()
-}
+use crate::registration::methods::shared::correlation::{circular_correlation, circular_maxima, rotation_of};
+use crate::registration::methods::shared::hough_image::to_f64;
 
 /// The candidate rotations of the moving map in (-90, 90] whole degrees, the best first (eq. 24 and 25).
 pub(super) fn rotation_candidates(fixed: &[f64], moving: &[f64], params: &HoughPeaksParams) -> Vec<Angle> {
     let correlation = circular_correlation(fixed, moving);
-    let mut order: Vec<usize> = (0..COLUMNS).filter(|k| correlation[*k] > 0.0).collect();
-    order.sort_by(|a, b| correlation[*b].total_cmp(&correlation[*a])); // stable: of equal ones the smaller rotation
-    let mut kept: Vec<usize> = Vec::new();
-    for k in order {
-        let around = [correlation[(k + 1) % COLUMNS], correlation[(k + COLUMNS - 1) % COLUMNS]];
-        let is_maximum = around.iter().all(|other| *other <= correlation[k]);
-        let apart = |other: &usize| to_f64(turns_apart(k, *other)) >= params.candidate_separation_degrees;
-        if is_maximum && kept.iter().all(apart) {
-            kept.push(k);
-        }
-    }
-    kept.truncate(params.rotation_candidates as usize);
-    kept.into_iter()
-        .map(|k| {
-            if k <= COLUMNS / 2 {
-                to_f64(k)
-            } else {
-                to_f64(k) - to_f64(COLUMNS)
-            }
-        })
-        .map(Angle::from_degrees)
-        .collect()
-}
-
-/// Degrees between two rotations that are only known up to half turns.
-fn turns_apart(a: usize, b: usize) -> usize {
-    let difference = a.abs_diff(b);
-    difference.min(COLUMNS - difference)
-}
-
-/// `C(k) = sum over t of fixed(t) moving(t - k)`, means removed, indices modulo the length (eq. 24).
-pub(super) fn circular_correlation(fixed: &[f64], moving: &[f64]) -> Vec<f64> {
-    let n = fixed.len();
-    let centered = |values: &[f64]| {
-        let mean = values.iter().sum::<f64>() / to_f64(values.len());
-        values.iter().map(|value| value - mean).collect::<Vec<f64>>()
-    };
-    let (fixed, moving) = (centered(fixed), centered(moving));
-    (0..n)
-        .map(|k| (0..n).map(|t| fixed[t] * moving[(t + n - k) % n]).sum())
+    let (apart, most) = (params.candidate_separation_degrees, params.rotation_candidates as usize);
+    circular_maxima(&correlation, apart, most)
+        .into_iter()
+        .map(|columns| rotation_of(to_f64(columns)))
         .collect()
 }
 
@@ -138,9 +77,11 @@ pub(super) fn choose(candidates: Vec<Angle>, psi_hat: Option<Angle>, choice: Rot
 
 #[cfg(test)]
 mod tests {
-    use super::super::hough_image::{Directions, WallPoints};
+    use super::super::params::Spectrum;
     use super::*;
     use crate::geometry::{Point, Pose2};
+    use crate::registration::methods::shared::hough_image::{COLUMNS, Directions, HoughImage, WallPoints};
+    use crate::registration::methods::shared::spectrum::spectrum;
     use proptest::prelude::*;
 
     /// Walls of three lengths and directions: an L of a room and a skew wall.
@@ -179,17 +120,6 @@ mod tests {
                 prop_assert!(error.sin().abs() < 1.5_f64.to_radians(), "{} instead of {turn}", candidates[0].degrees());
             }
         }
-    }
-
-    #[test]
-    fn f_does_not_depend_on_the_order_of_a_column() {
-        for f in [Spectrum::Max, Spectrum::MeanOfNonZeros, Spectrum::Entropy] {
-            let (a, b) = (value_of(&[0, 3, 5, 0, 2], f), value_of(&[5, 0, 0, 2, 3], f));
-            assert!((a - b).abs() < 1e-12);
-            assert!(value_of(&[0, 0, 0], f).abs() < 1e-12);
-        }
-        assert!((value_of(&[0, 3, 5, 0, 1], Spectrum::MeanOfNonZeros) - 3.0).abs() < 1e-12);
-        assert!((value_of(&[2, 0, 2, 2, 2], Spectrum::Entropy) - 2.0).abs() < 1e-12);
     }
 
     #[test]

@@ -24,10 +24,11 @@
 //! Distances are told about a pivot amid the fixed map instead of the frame's origin: for lines that are off by up to
 //! delta, rho errs by delta times the lever arm. The paper has no rank test.
 
-use super::hough_image::{COLUMNS, Directions, to_f64};
 use super::params::{HoughPeaksParams, Pairing};
-use super::peaks::Peak;
 use crate::geometry::{Angle, Point};
+use crate::registration::methods::shared::hough_image::{COLUMNS, Directions, to_f64};
+use crate::registration::methods::shared::peaks::Peak;
+use crate::registration::methods::shared::verification::smaller_eigenvalue;
 
 /// A wall as the translation sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -172,7 +173,7 @@ fn least_squares(associations: &[Association], resolution: f64, params: &HoughPe
         right[0] += nx * association.offset; // A^T B
         right[1] += ny * association.offset;
     }
-    let (support_m, weaker_direction) = smaller_eigenvalue(support);
+    let (support_m, weaker_direction) = (smaller_eigenvalue(support), smaller_eigenvector(support));
     let determinant = matrix[0] * matrix[2] - matrix[1] * matrix[1];
     let held = support_m >= params.support_min_m && determinant > 1e-9;
     Fit {
@@ -188,14 +189,9 @@ fn least_squares(associations: &[Association], resolution: f64, params: &HoughPe
     }
 }
 
-/// Smaller eigenvalue of `[[a, b], [b, c]]`, and the direction of its vector.
-fn smaller_eigenvalue([a, b, c]: [f64; 3]) -> (f64, Angle) {
-    let larger_direction = 0.5 * (2.0 * b).atan2(a - c);
-    let value = f64::midpoint(a, c) - (0.5 * (a - c)).hypot(b);
-    (
-        value.max(0.0),
-        Angle::from_radians(larger_direction) + Angle::QUARTER_TURN,
-    )
+/// The direction of the eigenvector of the smaller eigenvalue of `[[a, b], [b, c]]`.
+fn smaller_eigenvector([a, b, c]: [f64; 3]) -> Angle {
+    Angle::from_radians(0.5 * (2.0 * b).atan2(a - c)) + Angle::QUARTER_TURN
 }
 
 #[cfg(test)]

@@ -1,12 +1,9 @@
 use super::*;
 use crate::geometry::{Angle, Pose2};
 use crate::grid::{Lattice, LogOdds};
-use crate::registration::{Reason, Stop, Unhurried, register};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
-use world::{Seen, World};
-
-mod world;
+use crate::registration::methods::shared::stopping::assert_stops_wherever_it_looks;
+use crate::registration::methods::shared::world::{Seen, World};
+use crate::registration::{Reason, Unhurried, register};
 
 const WEST: Seen = Seen {
     low: [-0.2, -0.2],
@@ -36,7 +33,7 @@ fn office_pair(pose_fixed_moving: Pose2, resolution: f64) -> (OccupancyGrid, Occ
 /// RMS displacement of the moving map's occupied cells between two poses.
 fn error_m(method: &HoughPeaks, moving: &OccupancyGrid, a: Pose2, b: Pose2) -> f64 {
     let features = method.features(moving);
-    verification::distance_between(features.of(), a, b)
+    features.of::<Features>().map.distance_between(a, b)
 }
 
 /// The answer is right within half a metre, as answers are judged, and within what the method promises.
@@ -202,24 +199,8 @@ fn the_answer_is_the_same_on_any_number_of_threads() {
     }
 }
 
-/// Counts the looks of the method, tells the time by them, and stops it at one of them.
-struct StopsAt {
-    looks: AtomicUsize,
-    at: usize,
-}
-
-impl Control for StopsAt {
-    fn now(&self) -> Duration {
-        Duration::from_secs(self.looks.load(Ordering::SeqCst) as u64)
-    }
-
-    fn should_stop(&self) -> Option<Stop> {
-        (self.looks.fetch_add(1, Ordering::SeqCst) >= self.at).then_some(Stop::Deadline)
-    }
-}
-
 #[test]
-fn the_method_can_be_stopped_between_any_two_stages() {
+fn the_method_can_be_stopped_between_any_two_stages_and_inside_them() {
     let (fixed, moving) = office_pair(Pose2::new(0.5, -0.7, Angle::from_degrees(-5.0)), 0.05);
     let names = [
         "rotation candidates",
@@ -228,19 +209,37 @@ fn the_method_can_be_stopped_between_any_two_stages() {
         "translation tuning",
         "verification",
     ];
-    for at in 0..=names.len() {
-        let control = StopsAt {
-            looks: AtomicUsize::new(0),
-            at,
+    let looks = assert_stops_wherever_it_looks(&default_method(), (&fixed, &moving), &names);
+    assert!(looks > 20, "{looks}: four candidates twice in each of four stages");
+}
+
+#[test]
+fn an_answer_below_the_threshold_is_given_only_when_the_caller_asks_for_it() {
+    let (fixed, moving) = office_pair(Pose2::new(0.5, 0.2, Angle::from_degrees(-5.0)), 0.05);
+    let answer = |accept_unverified| {
+        let params = HoughPeaksParams {
+            verification_threshold: 1.0,
+            accept_unverified,
+            ..HoughPeaksParams::default()
         };
-        let answer = register(&default_method(), &fixed, &moving, &control);
-        let ran: Vec<&str> = answer.stages().iter().map(|stage| stage.stage).collect();
-        assert_eq!(ran, names[..(at + 1).min(names.len())]);
-        match answer {
-            Registration::Rejected(rejection) => {
-                assert_eq!((rejection.reason, at < names.len()), (Reason::Deadline, true));
-            }
-            Registration::Accepted(_) => assert_eq!(at, names.len()),
-        }
-    }
+        let method = HoughPeaks::new(params).expect("in range");
+        (
+            method.required_verification(),
+            register(&method, &fixed, &moving, &Unhurried),
+        )
+    };
+    let (required, Registration::Rejected(rejection)) = answer(false) else {
+        panic!("no two maps agree in every cell")
+    };
+    assert_eq!(required, Some(1.0));
+    let Reason::VerificationFailed { verification_index, .. } = rejection.reason else {
+        panic!("{:?}", rejection.reason)
+    };
+    let (required, answer) = answer(true);
+    let accepted = answer.accepted().expect("asked for");
+    assert_eq!(
+        (required, accepted.evidence.verification_index),
+        (None, Some(verification_index))
+    );
+    assert_eq!(accepted.pose_fixed_moving, rejection.candidates[0].pose_fixed_moving);
 }

@@ -26,10 +26,10 @@
 
 use rayon::prelude::*;
 
-use super::hough_image::to_f64;
 use super::params::{Disagreement, HoughPeaksParams, TranslationTuning};
 use crate::geometry::{Angle, Pose2};
 use crate::grid::{CellState, StateCounts};
+use crate::registration::methods::shared::hough_image::to_f64;
 use crate::registration::overlap::StateMap;
 
 /// `pose` moved by the best shift.

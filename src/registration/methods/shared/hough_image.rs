@@ -24,21 +24,21 @@ use crate::grid::CellState;
 use crate::registration::overlap::StateMap;
 
 /// Columns of a whole image: one a degree, the paper's "1 degree resolution".
-pub(super) const COLUMNS: usize = 180;
+pub(crate) const COLUMNS: usize = 180;
 
 /// The occupied cells of a map, about the centre of their box.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct WallPoints {
+pub(crate) struct WallPoints {
     /// Centre of the box around all occupied cells: cells in the map's frame.
-    pub(super) center: Point,
+    pub(crate) center: Point,
     /// Occupied cells relative to the centre, in cells.
-    pub(super) local: Vec<[f32; 2]>,
+    pub(crate) local: Vec<[f32; 2]>,
     /// No cell is farther from the centre, in cells.
     radius: f64,
 }
 
 impl WallPoints {
-    pub(super) fn new(map: &StateMap) -> Self {
+    pub(crate) fn new(map: &StateMap) -> Self {
         let lattice = map.lattice();
         let columns = lattice.width() as usize;
         let resolution = lattice.resolution();
@@ -55,7 +55,7 @@ impl WallPoints {
     }
 
     /// `points` in cells in the map's frame.
-    pub(super) fn about_center(points: &[Point]) -> Self {
+    pub(crate) fn about_center(points: &[Point]) -> Self {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for [x, y] in points {
             low = [low[0].min(*x), low[1].min(*y)];
@@ -82,23 +82,28 @@ impl WallPoints {
         }
     }
 
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.local.len()
+    }
+
+    /// No cell is farther from the centre, in cells.
+    pub(crate) fn radius(&self) -> f64 {
+        self.radius
     }
 }
 
 /// The directions of an image's columns: `first + k * step`, in radians.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Directions {
-    pub(super) first: f64,
-    pub(super) step: f64,
-    pub(super) count: usize,
+pub(crate) struct Directions {
+    pub(crate) first: f64,
+    pub(crate) step: f64,
+    pub(crate) count: usize,
 }
 
 impl Directions {
     /// -90 degrees to 89 degrees by one degree, as a map shows them that is rotated by `rotation`: column k then holds
     /// the lines whose direction AFTER the rotation is -90 degrees + k.
-    pub(super) fn half_turn_of_rotated(rotation: Angle) -> Self {
+    pub(crate) fn half_turn_of_rotated(rotation: Angle) -> Self {
         Self {
             first: -Angle::QUARTER_TURN.radians() - rotation.radians(),
             step: Angle::from_degrees(1.0).radians(),
@@ -107,14 +112,14 @@ impl Directions {
     }
 
     /// The direction of a column of a whole image of a map that is not rotated.
-    pub(super) fn of_column(column: usize) -> Angle {
+    pub(crate) fn of_column(column: usize) -> Angle {
         Angle::from_degrees(to_f64(column) - 90.0)
     }
 }
 
 /// Votes by direction and distance.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct HoughImage {
+pub(crate) struct HoughImage {
     bins: usize,
     /// Column after column.
     votes: Vec<u32>,
@@ -122,7 +127,7 @@ pub(super) struct HoughImage {
 
 impl HoughImage {
     /// The image of these points; `line_width` is the odd number of bins that are added to one.
-    pub(super) fn new(points: &WallPoints, directions: Directions, line_width: usize) -> Self {
+    pub(crate) fn new(points: &WallPoints, directions: Directions, line_width: usize) -> Self {
         let half = half_bins(points.radius, line_width);
         let bins = 2 * half;
         let mut votes = vec![0_u32; bins * directions.count];
@@ -134,21 +139,21 @@ impl HoughImage {
         Self { bins, votes }
     }
 
-    pub(super) fn bins(&self) -> usize {
+    pub(crate) fn bins(&self) -> usize {
         self.bins
     }
 
     /// The columns in the order of their directions.
-    pub(super) fn columns(&self) -> impl Iterator<Item = &[u32]> {
+    pub(crate) fn columns(&self) -> impl Iterator<Item = &[u32]> {
         self.votes.chunks(self.bins)
     }
 
-    pub(super) fn column(&self, column: usize) -> &[u32] {
+    pub(crate) fn column(&self, column: usize) -> &[u32] {
         &self.votes[column * self.bins..][..self.bins]
     }
 
     /// rho of a bin's middle about the points' centre, in cells.
-    pub(super) fn rho_of(&self, bin: usize) -> f64 {
+    pub(crate) fn rho_of(&self, bin: usize) -> f64 {
         to_f64(bin) + 0.5 - to_f64(self.bins / 2)
     }
 }
@@ -199,7 +204,7 @@ fn widen(votes: &mut [u32], line_width: usize) {
     clippy::cast_precision_loss,
     reason = "counts of columns, bins and cells stay far below 2^52"
 )]
-pub(super) fn to_f64(count: usize) -> f64 {
+pub(crate) fn to_f64(count: usize) -> f64 {
     count as f64
 }
 

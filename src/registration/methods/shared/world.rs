@@ -4,26 +4,26 @@ use crate::geometry::{Angle, Point, Pose2};
 use crate::grid::{Lattice, LogOdds, OccupancyGrid};
 
 /// Walls of a world, as segments in metres.
-pub(super) struct World {
+pub(crate) struct World {
     walls: Vec<(Point, Point)>,
     thickness: f64,
 }
 
 /// The part of a world that a robot has seen: a rectangle in the world's frame, in metres.
 #[derive(Clone, Copy)]
-pub(super) struct Seen {
-    pub(super) low: Point,
-    pub(super) high: Point,
+pub(crate) struct Seen {
+    pub(crate) low: Point,
+    pub(crate) high: Point,
 }
 
 impl World {
-    pub(super) fn of_walls(walls: &[[f64; 4]]) -> Self {
+    pub(crate) fn of_walls(walls: &[[f64; 4]]) -> Self {
         let walls = walls.iter().map(|[ax, ay, bx, by]| ([*ax, *ay], [*bx, *by])).collect();
         Self { walls, thickness: 0.1 }
     }
 
     /// Rooms of different sizes along a corridor, with doors and one skew wall: 22 m x 14 m.
-    pub(super) fn office() -> Self {
+    pub(crate) fn office() -> Self {
         Self::of_walls(&[
             [0.0, 0.0, 22.0, 0.0],
             [0.0, 14.0, 22.0, 14.0],
@@ -52,7 +52,7 @@ impl World {
     }
 
     /// A hall with columns of walls quite unlike the office's.
-    pub(super) fn hall() -> Self {
+    pub(crate) fn hall() -> Self {
         Self::of_walls(&[
             [1.0, 1.0, 17.3, 1.0],
             [17.3, 1.0, 20.9, 9.4],
@@ -76,7 +76,7 @@ impl World {
     }
 
     /// The map of what was seen, in the frame whose pose in the world is given, on a lattice along that frame.
-    pub(super) fn map(&self, seen: Seen, pose_world_map: Pose2, resolution: f64) -> OccupancyGrid {
+    pub(crate) fn map(&self, seen: Seen, pose_world_map: Pose2, resolution: f64) -> OccupancyGrid {
         let to_map = pose_world_map.inverse();
         let corners = [
             seen.low,
