@@ -62,8 +62,11 @@
 //! everything <- cli <- main
 //! ```
 //!
-//! Beside them, single files: [`clock`] (time and ids, handed in), `compute` (the bounded pool for heavy work), `config`,
+//! Beside them, small rooms: [`clock`] (time and ids, handed in), `compute` (the bounded pool for heavy work), `config`,
 //! `telemetry`, and `web` (the embedded page).
+//!
+//! The service has two homes behind one door, [`store::Store`] with [`store::Blobs`], chosen at run time: SQLite and a
+//! folder, for one process; PostgreSQL and a place that all see, for any number of equal replicas.
 //!
 //! The pure core is always there; feature `server` adds store, worker, http and web, feature `client` adds the client.
 //!

@@ -6,8 +6,9 @@ as_root() {
   if [ "$(id -u)" = 0 ]; then "$@"; elif command -v sudo >/dev/null; then sudo "$@"; else return 1; fi
 }
 
-# A C compiler for SQLite and the TLS library; an independent reader of map_server files with the compiler for it.
-packages=(gcc libc6-dev g++ cmake pkg-config libmrpt-maps-dev)
+# A C compiler for SQLite and the TLS library; an independent reader of map_server files with the compiler for it; a
+# PostgreSQL for the tests to start clusters of their own.
+packages=(gcc libc6-dev g++ cmake pkg-config libmrpt-maps-dev postgresql)
 missing=()
 for package in "${packages[@]}"; do
   dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || missing+=("$package")

@@ -10,6 +10,8 @@ mod evaluate;
 mod evaluate_sets;
 mod failure;
 pub mod files;
+#[cfg(feature = "server")]
+mod home;
 mod merge;
 #[cfg(feature = "server")]
 mod openapi;

@@ -13,13 +13,14 @@ use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
+use super::home::open_store;
 use super::runtime::{block_on, interrupted};
 use super::{BadInput, Done, Failure, say};
 use crate::clock::{Clock, SystemClock, SystemIds};
 use crate::compute::Compute;
 use crate::config::{LogFormat, ServeConfig};
 use crate::http::{AppState, Rooms, app, listen};
-use crate::store::{Blobs, QueueLimits, SqliteStore, Store};
+use crate::store::{Blobs, QueueLimits, Store};
 use crate::telemetry;
 use crate::worker::{Memory, Merges, Worker, WorkerSettings};
 
@@ -54,7 +55,7 @@ impl Serve {
 /// A server that runs in this process.
 pub(super) struct Server {
     address: SocketAddr,
-    store: Arc<SqliteStore>,
+    store: Arc<dyn Store>,
     stop: CancellationToken,
     listening: JoinHandle<()>,
     working: JoinHandle<()>,
@@ -80,15 +81,12 @@ impl Server {
             max_attempts: config.work.max_attempts,
         };
         let cannot_open = || format!("cannot open {}", config.data.display());
-        let sqlite = SqliteStore::open(&config.data, limits)
-            .await
-            .with_context(cannot_open)?;
-        let sqlite = Arc::new(sqlite);
+        let store = open_store(config, limits).await?;
         let processors = available_parallelism().unwrap_or(NonZeroUsize::MIN);
         let workers = config.work.workers.unwrap_or(processors.get());
         let threads = config.work.threads.and_then(NonZeroUsize::new).unwrap_or(processors);
         let rooms = Rooms {
-            store: Arc::clone(&sqlite) as Arc<dyn Store>,
+            store: Arc::clone(&store),
             blobs: Blobs::open_folder(&config.data.join("blobs")).with_context(cannot_open)?,
             // requests find a place while every worker computes
             compute: Compute::new(threads, threads.saturating_add(workers)).context("cannot start threads")?,
@@ -104,7 +102,7 @@ impl Server {
         let listening = listen(listener, app(AppState::new(rooms, config)), stop.clone(), GRACE);
         Ok(Self {
             address,
-            store: sqlite,
+            store,
             stop,
             listening: tokio::spawn(listening),
             working,

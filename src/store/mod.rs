@@ -15,15 +15,19 @@
 
 mod blobs;
 mod error;
+mod postgres;
+mod rows;
 mod sqlite;
 
 use std::time::Duration;
 
 pub use blobs::Blobs;
 pub use error::{Missing, QueueScope, StoreError};
+pub use postgres::PostgresStore;
 pub use sqlite::SqliteStore;
 
 use async_trait::async_trait;
+use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast;
 
 use crate::model::{
@@ -176,6 +180,9 @@ pub trait Store: Send + Sync {
     /// Is told of every change from now on, as soon as it is committed. A reader that lags, or misses one, reads the
     /// store again: changes are a wake-up, not a record.
     fn changes(&self) -> broadcast::Receiver<Change>;
+
+    /// Waits for what is under way and closes. Nothing is lost without it.
+    async fn close(&self);
 }
 
 /// What was asked for and whether it was made just now.
@@ -325,7 +332,8 @@ impl Default for QueueLimits {
 }
 
 /// Something that has changed in the store.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Change {
     /// A session was made, changed or deleted.
     Session(SessionId),

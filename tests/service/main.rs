@@ -5,7 +5,10 @@
     reason = "tests of promises about time look at the clock"
 )]
 
+mod migrations;
+mod postgres;
 mod store_contract;
+mod store_postgres;
 mod store_sqlite;
 
 #[cfg(feature = "client")]

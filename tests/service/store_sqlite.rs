@@ -7,17 +7,17 @@ use tempfile::TempDir;
 use crate::store_contract::prelude::{at, session, upload};
 use crate::store_contract::{LEASE, LIMITS, contract};
 
-async fn fresh() -> (SqliteStore, TempDir) {
+async fn fresh() -> Option<(SqliteStore, TempDir)> {
     let folder = tempfile::tempdir().expect("a folder");
     let store = SqliteStore::open(folder.path(), LIMITS).await.expect("opens");
-    (store, folder)
+    Some((store, folder))
 }
 
 contract!(fresh);
 
 #[tokio::test]
 async fn a_second_opener_is_refused_by_the_lock_file() {
-    let (_store, folder) = fresh().await;
+    let (_store, folder) = fresh().await.expect("SQLite is built in");
     let second = SqliteStore::open(folder.path(), QueueLimits::default()).await;
     match second {
         Err(StoreError::InUse { path }) => assert!(path.ends_with("mapweld.lock"), "{path}"),

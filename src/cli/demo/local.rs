@@ -35,6 +35,7 @@ impl LocalServer {
         let config = ServeConfig {
             listen: SocketAddr::from((Ipv4Addr::LOCALHOST, port)),
             data: data.or(temporary.clone()).expect("invariant: one of the two is there"),
+            database_url: None,
             ..defaults.config
         };
         Ok(Self {

@@ -2,7 +2,8 @@
 
 use sqlx::SqliteConnection;
 
-use super::{Failed, jobs, rows, sessions, text};
+use super::rows::{self, cells, text};
+use super::{Failed, jobs, sessions};
 use crate::model::{MapId, MapRecord, RobotId, SessionId, Timestamp};
 use crate::store::{AddMap, Added, Missing, Page, QueueLimits, StoreError};
 
@@ -93,10 +94,6 @@ async fn insert(db: &mut SqliteConnection, record: &MapRecord) -> Result<(), Sto
     .await
     .failed()?;
     Ok(())
-}
-
-fn cells(count: usize) -> i64 {
-    i64::try_from(count).expect("invariant: a lattice has at most 2^31 cells")
 }
 
 pub(super) async fn list(

@@ -6,7 +6,6 @@
 mod jobs;
 mod maps;
 mod queue;
-mod rows;
 mod sessions;
 mod versions;
 
@@ -15,11 +14,11 @@ use std::path::Path;
 use std::time::Duration;
 
 use async_trait::async_trait;
-use serde::Serialize;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{Sqlite, SqlitePool, Transaction};
 use tokio::sync::broadcast;
 
+use super::rows::{self, text};
 use super::{
     AddMap, Added, Change, Claim, Created, Lease, NewVersion, Page, ProgressReport, QueueDepth, QueueLimits, Renewed,
     Retry, Store, StoreError,
@@ -48,15 +47,25 @@ const TURN: Duration = Duration::from_secs(10);
 const CHANGES: usize = 1024;
 
 impl SqliteStore {
-    /// Opens `mapweld.sqlite` in this folder; makes both when they are not there, and brings older files up to date.
+    /// Opens `mapweld.sqlite` in this folder.
+    ///
+    /// # Errors
+    /// As [`Self::open_file`].
+    pub async fn open(folder: &Path, limits: QueueLimits) -> Result<Self, StoreError> {
+        Self::open_file(&folder.join("mapweld.sqlite"), limits).await
+    }
+
+    /// Opens this file; makes it, with its folder, when it is not there, and brings an older one up to date. A file of
+    /// the same name that ends in `.lock` is locked for as long as it is open.
     ///
     /// # Errors
     /// [`StoreError::InUse`] when another process has it open, otherwise [`StoreError::Unavailable`].
-    pub async fn open(folder: &Path, limits: QueueLimits) -> Result<Self, StoreError> {
-        make_folder(folder).map_err(unavailable)?;
-        let lock = locked(&folder.join("mapweld.lock"))?;
+    pub async fn open_file(file: &Path, limits: QueueLimits) -> Result<Self, StoreError> {
+        let folder = file.parent().filter(|folder| *folder != Path::new(""));
+        make_folder(folder.unwrap_or(Path::new("."))).map_err(unavailable)?;
+        let lock = locked(&file.with_extension("lock"))?;
         let options = SqliteConnectOptions::new()
-            .filename(folder.join("mapweld.sqlite"))
+            .filename(file)
             .create_if_missing(true)
             .journal_mode(SqliteJournalMode::Wal)
             .synchronous(SqliteSynchronous::Full)
@@ -81,12 +90,6 @@ impl SqliteStore {
         })
     }
 
-    /// Waits for what is under way and closes the file. Nothing is lost without it.
-    pub async fn close(&self) {
-        self.readers.close().await;
-        self.writer.close().await;
-    }
-
     async fn begin(&self) -> Result<Transaction<'static, Sqlite>, StoreError> {
         self.writer.begin_with("BEGIN IMMEDIATE").await.failed()
     }
@@ -100,7 +103,7 @@ impl SqliteStore {
         let _ = self.changes.send(change);
     }
 
-    fn announce_job(&self, written: queue::Written) -> JobState {
+    fn announce_job(&self, written: rows::Written) -> JobState {
         self.announce(Change::Job(written.session, written.id, written.state));
         written.state
     }
@@ -153,11 +156,6 @@ impl<T> Failed<T> for Result<T, sqlx::Error> {
             _ => unavailable(error),
         })
     }
-}
-
-/// A record's part as JSON.
-fn text<T: Serialize + ?Sized>(value: &T) -> String {
-    serde_json::to_string(value).expect("invariant: records are plain data with text keys")
 }
 
 #[async_trait]
@@ -369,5 +367,10 @@ impl Store for SqliteStore {
 
     fn changes(&self) -> broadcast::Receiver<Change> {
         self.changes.subscribe()
+    }
+
+    async fn close(&self) {
+        self.readers.close().await;
+        self.writer.close().await;
     }
 }

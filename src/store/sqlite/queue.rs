@@ -5,20 +5,12 @@
 
 use std::time::Duration;
 
-use jiff::SignedDuration;
 use sqlx::SqliteConnection;
-use sqlx::sqlite::SqliteRow;
 
-use super::{Failed, rows, text};
-use crate::model::{Job, JobError, JobId, JobState, ResultText, SessionId, StageSeconds, Timestamp};
+use super::Failed;
+use super::rows::{self, Written, fenced, text, token, until, written};
+use crate::model::{Job, JobError, JobState, ResultText, StageSeconds, Timestamp};
 use crate::store::{Claim, Lease, ProgressReport, Retry, StoreError};
-
-/// What a job that was written about is now.
-pub(super) struct Written {
-    pub(super) session: SessionId,
-    pub(super) id: JobId,
-    pub(super) state: JobState,
-}
 
 /// Ends the jobs whose lease has expired and that shall not run again: cancelled, or out of attempts.
 ///
@@ -125,7 +117,7 @@ pub(super) async fn succeed(
     .fetch_optional(db)
     .await
     .failed()?;
-    fenced(row, lease)
+    fenced(row.as_ref(), lease)
 }
 
 pub(super) async fn fail(
@@ -226,27 +218,5 @@ async fn leave(
     .fetch_optional(db)
     .await
     .failed()?;
-    fenced(row, lease)
-}
-
-fn fenced(row: Option<SqliteRow>, lease: &Lease) -> Result<Written, StoreError> {
-    written(&row.ok_or(StoreError::LeaseLost(lease.job))?)
-}
-
-fn written(row: &SqliteRow) -> Result<Written, StoreError> {
-    Ok(Written {
-        session: rows::parsed(row, "session")?,
-        id: rows::parsed(row, "id")?,
-        state: rows::word(row, "state")?,
-    })
-}
-
-fn token(lease: &Lease) -> i64 {
-    i64::try_from(lease.token).expect("invariant: tokens count claims")
-}
-
-fn until(now: Timestamp, pause: Duration) -> i64 {
-    let pause = SignedDuration::try_from(pause).unwrap_or(SignedDuration::MAX);
-    now.saturating_add(pause)
-        .map_or(i64::MAX, jiff::Timestamp::as_microsecond)
+    fenced(row.as_ref(), lease)
 }

@@ -30,7 +30,8 @@ pub(crate) const LIMITS: QueueLimits = QueueLimits {
 /// How long the leases of this suite last.
 pub(crate) const LEASE: Duration = Duration::from_secs(30);
 
-/// A test of every clause, each on a store of its own that `$fresh` makes: `async fn() -> (impl Store, impl Any)`.
+/// A test of every clause, each on a store of its own that `$fresh` makes: `async fn() -> Option<(impl Store, impl Any)>`;
+/// nothing where this machine lacks what the store needs.
 macro_rules! contract {
     ($fresh:path) => {
         contract!(@ $fresh,
@@ -39,6 +40,7 @@ macro_rules! contract {
             a_session_that_is_not_there_is_not_found_by_any_door,
             a_patch_changes_what_it_names_and_when_the_session_changed,
             sessions_are_listed_by_name_page_after_page,
+            names_are_ordered_byte_by_byte_whatever_the_database_thinks_of_hyphens,
             a_deleted_session_takes_everything_with_it_and_its_runner_loses_the_lease,
             a_map_is_read_back_as_it_was_added,
             a_map_of_an_unknown_session_makes_it_only_when_asked_to,
@@ -88,7 +90,7 @@ macro_rules! contract {
         $(
             #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
             async fn $clause() {
-                let (store, _keep) = $fresh().await;
+                let Some((store, _keep)) = $fresh().await else { return };
                 $crate::store_contract::$clause(std::sync::Arc::new(store)).await;
             }
         )*

@@ -98,6 +98,23 @@ pub(crate) async fn sessions_are_listed_by_name_page_after_page(store: AnyStore)
     assert_eq!(names(store.list_sessions(&page).await.expect("a list")), ["c"]);
 }
 
+pub(crate) async fn names_are_ordered_byte_by_byte_whatever_the_database_thinks_of_hyphens(store: AnyStore) {
+    for name in ["ab", "a-c", "a", "a1"] {
+        quiet_session(&store, name).await;
+    }
+    let mut seen = Vec::new();
+    let mut after = None;
+    loop {
+        let page = Page { after, size: 1 };
+        let Some(next) = store.list_sessions(&page).await.expect("a list").pop() else {
+            break;
+        };
+        seen.push(next.id.to_string());
+        after = Some(next.id);
+    }
+    assert_eq!(seen, ["a", "a-c", "a1", "ab"]);
+}
+
 pub(crate) async fn a_deleted_session_takes_everything_with_it_and_its_runner_loses_the_lease(store: AnyStore) {
     let id = session("ward");
     let map = push(&store, &id, "r1", 1, at(0)).await.map;

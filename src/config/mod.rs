@@ -2,6 +2,8 @@
 //!
 //! Imports `codec` only, for its limits.
 
+mod place;
+
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -9,6 +11,7 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 
 use crate::codec::Limits;
+pub use place::{BadPlace, BlobPlace, DatabasePlace};
 
 /// How a server is run.
 #[derive(Debug, Clone, Args)]
@@ -22,9 +25,24 @@ pub struct ServeConfig {
     )]
     pub listen: SocketAddr,
 
-    /// Folder of the database and the blobs; made when it is not there.
+    /// Folder of the database and the blobs, as long as nothing else is said; made when it is not there.
     #[arg(long, env = "MAPWELD_DATA", default_value = "./mapweld-data", value_name = "FOLDER")]
     pub data: PathBuf,
+
+    /// Where records and the queue are kept: `sqlite:FILE` or `postgres://USER:PASSWORD@HOST:PORT/DATABASE`, which any
+    /// number of replicas may share. Default: `mapweld.sqlite` in the data folder.
+    #[arg(long, env = "MAPWELD_DATABASE_URL", hide_env_values = true, value_name = "URL")]
+    pub database_url: Option<DatabasePlace>,
+
+    /// Most connections to PostgreSQL; one of them listens for the other replicas' changes.
+    #[arg(
+        long,
+        env = "MAPWELD_DATABASE_CONNECTIONS",
+        default_value_t = 16,
+        value_parser = clap::value_parser!(u32).range(2..=1000),
+        value_name = "COUNT"
+    )]
+    pub database_connections: u32,
 
     /// Listen on an address that other machines reach, though nobody has to show a key.
     #[arg(long, env = "MAPWELD_INSECURE")]
@@ -131,6 +149,13 @@ pub enum LogFormat {
 pub struct OpenToAll(SocketAddr);
 
 impl ServeConfig {
+    /// Where records and the queue are kept.
+    #[must_use]
+    pub fn database(&self) -> DatabasePlace {
+        let standard = || DatabasePlace::Sqlite(self.data.join("mapweld.sqlite"));
+        self.database_url.clone().unwrap_or_else(standard)
+    }
+
     /// Refuses an address beyond this machine unless it is asked for.
     ///
     /// # Errors

@@ -1,0 +1,172 @@
+//! Jobs in PostgreSQL, for those who ask for them.
+
+use sqlx::PgConnection;
+
+use super::rows::{self, text};
+use super::{Failed, sessions};
+use crate::model::{Job, JobId, MergeRequest, SessionId, Timestamp};
+use crate::store::{Missing, Page, QueueDepth, QueueLimits, QueueScope, StoreError};
+
+/// The key that the jobs share which uploads ask for.
+const AUTO_MERGE: &str = "auto_merge";
+
+/// The advisory lock of whoever adds a job: the queue is counted and added to by one transaction at a time. Any number
+/// that nothing else in the database uses ("mapweldq" in ASCII).
+const QUEUE_LOCK: i64 = 0x6d61_7077_656c_6471;
+
+/// The job that will take in what has just been added: one that waits, or a new one. The session is held.
+pub(super) async fn ensure_auto_merge(
+    db: &mut PgConnection,
+    session: &SessionId,
+    new: JobId,
+    limits: &QueueLimits,
+    now: Timestamp,
+) -> Result<JobId, StoreError> {
+    // Held too: were a worker to claim the job now, it might have read the maps before this one is committed.
+    let waiting =
+        sqlx::query("SELECT id FROM jobs WHERE session = $1 AND state = 'queued' AND dedup_key = $2 FOR NO KEY UPDATE")
+            .bind(session.as_str())
+            .bind(AUTO_MERGE)
+            .fetch_optional(&mut *db)
+            .await
+            .failed()?;
+    match waiting {
+        Some(row) => rows::parsed(&row, "id"),
+        None => Ok(insert(
+            db,
+            session,
+            new,
+            &MergeRequest::default(),
+            Some(AUTO_MERGE),
+            limits,
+            now,
+        )
+        .await?
+        .id),
+    }
+}
+
+pub(super) async fn enqueue_merge(
+    db: &mut PgConnection,
+    session: &SessionId,
+    id: JobId,
+    request: &MergeRequest,
+    limits: &QueueLimits,
+    now: Timestamp,
+) -> Result<Job, StoreError> {
+    sessions::held(db, session).await?;
+    insert(db, session, id, request, None, limits, now).await
+}
+
+async fn insert(
+    db: &mut PgConnection,
+    session: &SessionId,
+    id: JobId,
+    request: &MergeRequest,
+    dedup_key: Option<&str>,
+    limits: &QueueLimits,
+    now: Timestamp,
+) -> Result<Job, StoreError> {
+    refuse_when_full(db, session, limits).await?;
+    let row = sqlx::query(
+        "INSERT INTO jobs (id, session, kind, request, dedup_key, state, attempt, max_attempts, run_after, lease_token,
+                           progress, cancel_requested, timings, created_at)
+         VALUES ($1, $2, 'merge', $3, $4, 'queued', 0, $5, $6, 0, 0.0, FALSE, '[]', $6)
+         RETURNING *",
+    )
+    .bind(id.to_string())
+    .bind(session.as_str())
+    .bind(text(request))
+    .bind(dedup_key)
+    .bind(i64::from(limits.max_attempts))
+    .bind(now.as_microsecond())
+    .fetch_one(db)
+    .await
+    .failed()?;
+    rows::job(&row)
+}
+
+/// Counts the queue, and lets nobody else add to it until the transaction ends.
+async fn refuse_when_full(db: &mut PgConnection, session: &SessionId, limits: &QueueLimits) -> Result<(), StoreError> {
+    sqlx::query("SELECT pg_advisory_xact_lock($1)")
+        .bind(QUEUE_LOCK)
+        .execute(&mut *db)
+        .await
+        .failed()?;
+    let row = sqlx::query(
+        "SELECT COUNT(*) AS total, COUNT(*) FILTER (WHERE session = $1) AS here FROM jobs WHERE state = 'queued'",
+    )
+    .bind(session.as_str())
+    .fetch_one(db)
+    .await
+    .failed()?;
+    let (total, here): (u32, u32) = (rows::value(&row, "total")?, rows::value(&row, "here")?);
+    let full = |scope, queued, limit| Err(StoreError::QueueFull { scope, queued, limit });
+    if here >= limits.per_session {
+        return full(QueueScope::Session(session.clone()), here, limits.per_session);
+    }
+    if total >= limits.total {
+        return full(QueueScope::Total, total, limits.total);
+    }
+    Ok(())
+}
+
+pub(super) async fn get(db: &mut PgConnection, id: JobId) -> Result<Job, StoreError> {
+    let row = sqlx::query("SELECT * FROM jobs WHERE id = $1")
+        .bind(id.to_string())
+        .fetch_optional(db)
+        .await
+        .failed()?;
+    match row {
+        Some(row) => rows::job(&row),
+        None => Err(StoreError::NotFound(Missing::Job(id))),
+    }
+}
+
+pub(super) async fn list(
+    db: &mut PgConnection,
+    session: &SessionId,
+    page: &Page<JobId>,
+) -> Result<Vec<Job>, StoreError> {
+    sessions::get(db, session).await?;
+    let found = sqlx::query(
+        "SELECT * FROM jobs WHERE session = $1 AND ($2::TEXT IS NULL OR id < $2) ORDER BY id DESC LIMIT $3",
+    )
+    .bind(session.as_str())
+    .bind(page.after.map(|id| id.to_string()))
+    .bind(i64::from(page.size))
+    .fetch_all(db)
+    .await
+    .failed()?;
+    found.iter().map(rows::job).collect()
+}
+
+pub(super) async fn cancel(db: &mut PgConnection, id: JobId, now: Timestamp) -> Result<Job, StoreError> {
+    sqlx::query(
+        "UPDATE jobs
+         SET cancel_requested = TRUE,
+             state = CASE state WHEN 'queued' THEN 'cancelled' ELSE state END,
+             finished_at = CASE state WHEN 'queued' THEN $2::BIGINT END
+         WHERE id = $1 AND state IN ('queued', 'running')",
+    )
+    .bind(id.to_string())
+    .bind(now.as_microsecond())
+    .execute(&mut *db)
+    .await
+    .failed()?;
+    get(db, id).await
+}
+
+pub(super) async fn depth(db: &mut PgConnection) -> Result<QueueDepth, StoreError> {
+    let row = sqlx::query(
+        "SELECT COUNT(*) FILTER (WHERE state = 'queued') AS queued, COUNT(*) FILTER (WHERE state = 'running') AS running
+         FROM jobs WHERE state IN ('queued', 'running')",
+    )
+    .fetch_one(db)
+    .await
+    .failed()?;
+    Ok(QueueDepth {
+        queued: rows::value(&row, "queued")?,
+        running: rows::value(&row, "running")?,
+    })
+}

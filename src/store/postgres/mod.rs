@@ -1,0 +1,435 @@
+//! The back end for many replicas: one PostgreSQL database, any number of equal processes.
+//!
+//! Transactions are READ COMMITTED. Whoever changes what belongs to a session holds its row first, so that changes of one
+//! session come one after the other and nobody waits in a circle; claims skip what others hold. Changes are told to all
+//! replicas by NOTIFY, in the transaction that makes them.
+
+mod jobs;
+mod maps;
+mod news;
+mod pool;
+mod queue;
+mod sessions;
+mod versions;
+
+use std::time::Duration;
+
+use async_trait::async_trait;
+use sqlx::pool::PoolConnection;
+use sqlx::{PgConnection, PgPool, Postgres, Transaction};
+use tokio::sync::broadcast;
+use tokio::time::timeout;
+use tokio_util::task::AbortOnDropHandle;
+
+use super::rows;
+use super::{
+    AddMap, Added, Change, Claim, Created, Lease, NewVersion, Page, ProgressReport, QueueDepth, QueueLimits, Renewed,
+    Retry, Store, StoreError,
+};
+use crate::model::{
+    Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, ResultText, RobotId, RobotSummary, Session,
+    SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionNumber, VersionSelector,
+};
+use pool::{PATIENCE, Trust};
+use queue::Tried;
+
+/// Records in one PostgreSQL database, which other processes use at the same time.
+#[derive(Debug)]
+pub struct PostgresStore {
+    pool: PgPool,
+    trust: Trust,
+    limits: QueueLimits,
+    changes: broadcast::Sender<Change>,
+    _hearing: AbortOnDropHandle<()>,
+}
+
+/// Changes that a slow listener may lag behind before it has to read the store again.
+const CHANGES: usize = 1024;
+/// How often a claim looks again because another worker was faster, before it is left to the next poll.
+const CLAIM_TRIES: u32 = 16;
+/// Longest time to say goodbye to the database.
+const GOODBYE: Duration = Duration::from_secs(3);
+
+impl PostgresStore {
+    /// Connects to the database of this URL (`postgres://user:password@host:port/database`), with at most so many
+    /// connections, and brings its tables up to date; replicas that start together take turns at that.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`] when the URL is no good, the database cannot be reached, or its tables are newer than
+    /// this program.
+    pub async fn open(url: &str, connections: u32, limits: QueueLimits) -> Result<Self, StoreError> {
+        let trust = Trust::default();
+        let pool = pool::pool(url, connections, &trust).failed()?;
+        sqlx::migrate!("migrations/postgres")
+            .run(&pool)
+            .await
+            .map_err(unavailable)?;
+        let changes = broadcast::Sender::new(CHANGES);
+        // listens before it is open: whoever looks at the store after this misses nothing
+        let listener = news::listener(&pool).await.failed()?;
+        let hearing = tokio::spawn(news::hear(pool.clone(), listener, changes.clone()));
+        Ok(Self {
+            pool,
+            trust,
+            limits,
+            changes,
+            _hearing: AbortOnDropHandle::new(hearing),
+        })
+    }
+
+    /// One use case within its time.
+    async fn within<T>(&self, work: impl Future<Output = Result<T, StoreError>> + Send) -> Result<T, StoreError> {
+        timeout(PATIENCE, work).await.unwrap_or_else(|_| {
+            self.trust.shaken();
+            Err(unavailable(format!(
+                "the database did not answer within {} s",
+                PATIENCE.as_secs()
+            )))
+        })
+    }
+
+    async fn begin(&self) -> Result<Transaction<'static, Postgres>, StoreError> {
+        self.pool.begin().await.failed()
+    }
+
+    async fn reader(&self) -> Result<PoolConnection<Postgres>, StoreError> {
+        self.pool.acquire().await.failed()
+    }
+}
+
+/// Ends a transaction well, and tells all replicas what it has changed.
+async fn commit(mut tx: Transaction<'static, Postgres>, changes: &[Change]) -> Result<(), StoreError> {
+    if !changes.is_empty() {
+        news::tell(&mut tx, changes).await?;
+    }
+    tx.commit().await.failed()
+}
+
+fn job_change(written: &rows::Written) -> Change {
+    Change::Job(written.session.clone(), written.id, written.state)
+}
+
+fn changed(job: &Job) -> Change {
+    Change::Job(job.session.clone(), job.id, job.state)
+}
+
+fn unavailable(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> StoreError {
+    StoreError::Unavailable(error.into())
+}
+
+/// Answers of the database as answers of the store.
+trait Failed<T> {
+    fn failed(self) -> Result<T, StoreError>;
+}
+
+impl<T> Failed<T> for Result<T, sqlx::Error> {
+    fn failed(self) -> Result<T, StoreError> {
+        self.map_err(|error| match &error {
+            sqlx::Error::Database(refused) if !passes(refused.code().as_deref()) => {
+                StoreError::Damaged(error.to_string())
+            }
+            sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) | sqlx::Error::ColumnNotFound(_) => {
+                StoreError::Damaged(error.to_string())
+            }
+            _ => unavailable(error),
+        })
+    }
+}
+
+/// Whether an error of this SQLSTATE may be gone at the next try: its class is about connections (08), a transaction that
+/// the database has ended or does not let write (25, 40), who may log in and to what (28, 3D), room (53), locks (55), the
+/// operator (57) or the machine (58). Any other says that our own statements and its tables do not fit together.
+fn passes(code: Option<&str>) -> bool {
+    let class = code.and_then(|code| code.get(..2)).unwrap_or_default();
+    matches!(class, "08" | "25" | "28" | "3D" | "40" | "53" | "55" | "57" | "58")
+}
+
+#[async_trait]
+impl Store for PostgresStore {
+    async fn create_session(
+        &self,
+        id: &SessionId,
+        settings: &SessionSettings,
+        now: Timestamp,
+    ) -> Result<Created<Session>, StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            let made = sessions::create(&mut tx, id, settings, now).await?;
+            let change = made.created.then(|| Change::Session(id.clone()));
+            commit(tx, change.as_slice()).await?;
+            Ok(made)
+        })
+        .await
+    }
+
+    async fn get_session(&self, id: &SessionId) -> Result<Session, StoreError> {
+        self.within(async { sessions::get(&mut *self.reader().await?, id).await })
+            .await
+    }
+
+    async fn list_sessions(&self, page: &Page<SessionId>) -> Result<Vec<Session>, StoreError> {
+        self.within(async { sessions::list(&mut *self.reader().await?, page).await })
+            .await
+    }
+
+    async fn patch_session(&self, id: &SessionId, patch: SessionPatch, now: Timestamp) -> Result<Session, StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            let session = sessions::patch(&mut tx, id, patch, now).await?;
+            commit(tx, &[Change::Session(id.clone())]).await?;
+            Ok(session)
+        })
+        .await
+    }
+
+    async fn delete_session(&self, id: &SessionId) -> Result<(), StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            sessions::delete(&mut tx, id).await?;
+            commit(tx, &[Change::Session(id.clone())]).await
+        })
+        .await
+    }
+
+    async fn list_robots(&self, session: &SessionId) -> Result<Vec<RobotSummary>, StoreError> {
+        self.within(async { sessions::robots(&mut *self.reader().await?, session).await })
+            .await
+    }
+
+    async fn add_map_and_enqueue(&self, add: AddMap, now: Timestamp) -> Result<Added, StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            let added = maps::add_and_enqueue(&mut tx, add, &self.limits, now).await?;
+            let session = &added.map.session;
+            let mut changes = Vec::new();
+            if added.created {
+                changes.push(Change::Map(session.clone(), added.map.id));
+                changes.extend(
+                    added
+                        .map
+                        .job
+                        .map(|job| Change::Job(session.clone(), job, JobState::Queued)),
+                );
+            }
+            commit(tx, &changes).await?;
+            Ok(added)
+        })
+        .await
+    }
+
+    async fn list_maps(
+        &self,
+        session: &SessionId,
+        robot: Option<&RobotId>,
+        page: &Page<MapId>,
+    ) -> Result<Vec<MapRecord>, StoreError> {
+        self.within(async { maps::list(&mut *self.reader().await?, session, robot, page).await })
+            .await
+    }
+
+    async fn get_map(&self, session: &SessionId, map: MapId) -> Result<MapRecord, StoreError> {
+        self.within(async { maps::get(&mut *self.reader().await?, session, map).await })
+            .await
+    }
+
+    async fn newest_maps(&self, session: &SessionId) -> Result<Vec<MapRecord>, StoreError> {
+        self.within(async { maps::newest(&mut *self.reader().await?, session).await })
+            .await
+    }
+
+    async fn enqueue_merge(
+        &self,
+        session: &SessionId,
+        job: JobId,
+        request: MergeRequest,
+        now: Timestamp,
+    ) -> Result<Job, StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            let job = jobs::enqueue_merge(&mut tx, session, job, &request, &self.limits, now).await?;
+            commit(tx, &[changed(&job)]).await?;
+            Ok(job)
+        })
+        .await
+    }
+
+    async fn get_job(&self, job: JobId) -> Result<Job, StoreError> {
+        self.within(async { jobs::get(&mut *self.reader().await?, job).await })
+            .await
+    }
+
+    async fn list_jobs(&self, session: &SessionId, page: &Page<JobId>) -> Result<Vec<Job>, StoreError> {
+        self.within(async { jobs::list(&mut *self.reader().await?, session, page).await })
+            .await
+    }
+
+    async fn cancel_job(&self, job: JobId, now: Timestamp) -> Result<Job, StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            let job = jobs::cancel(&mut tx, job, now).await?;
+            commit(tx, &[changed(&job)]).await?;
+            Ok(job)
+        })
+        .await
+    }
+
+    async fn queue_depth(&self) -> Result<QueueDepth, StoreError> {
+        self.within(async { jobs::depth(&mut *self.reader().await?).await })
+            .await
+    }
+
+    async fn claim_job(&self, owner: &str, lease: Duration, now: Timestamp) -> Result<Option<Claim>, StoreError> {
+        self.within(async {
+            for _ in 0..CLAIM_TRIES {
+                let mut tx = self.begin().await?;
+                let parked = queue::park_lost(&mut tx, now).await?;
+                let mut changes: Vec<Change> = parked.iter().map(job_change).collect();
+                let claim = match queue::claim(&mut tx, owner, lease, now).await? {
+                    Tried::Claimed(claim) => Some(*claim),
+                    Tried::Nothing => None,
+                    // what was parked is parked again
+                    Tried::Clash => {
+                        tx.rollback().await.failed()?;
+                        continue;
+                    }
+                };
+                changes.extend(claim.iter().map(|claim| changed(&claim.job)));
+                commit(tx, &changes).await?;
+                return Ok(claim);
+            }
+            Ok(None)
+        })
+        .await
+    }
+
+    async fn renew_lease(
+        &self,
+        lease: &Lease,
+        hold: Duration,
+        report: &ProgressReport,
+        now: Timestamp,
+    ) -> Result<Renewed, StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            let job = queue::renew(&mut tx, lease, hold, report, now).await?;
+            commit(tx, &[changed(&job)]).await?;
+            Ok(Renewed {
+                cancel_requested: job.cancel_requested,
+            })
+        })
+        .await
+    }
+
+    async fn publish_version(&self, lease: &Lease, version: NewVersion, now: Timestamp) -> Result<Version, StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            let ended = queue::succeed(&mut tx, lease, None, &version.timings, now).await?;
+            let version = versions::add(&mut tx, &ended.session, ended.id, version, now).await?;
+            let published = Change::Version(version.session.clone(), version.number);
+            commit(tx, &[published, job_change(&ended)]).await?;
+            Ok(version)
+        })
+        .await
+    }
+
+    async fn finish_dry_run(
+        &self,
+        lease: &Lease,
+        result: &ResultText,
+        timings: &[StageSeconds],
+        now: Timestamp,
+    ) -> Result<(), StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            let ended = queue::succeed(&mut tx, lease, Some(result), timings, now).await?;
+            commit(tx, &[job_change(&ended)]).await
+        })
+        .await
+    }
+
+    async fn fail_job(
+        &self,
+        lease: &Lease,
+        error: &JobError,
+        retry: Retry,
+        now: Timestamp,
+    ) -> Result<JobState, StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            let left = queue::fail(&mut tx, lease, error, retry, now).await?;
+            commit(tx, &[job_change(&left)]).await?;
+            Ok(left.state)
+        })
+        .await
+    }
+
+    async fn finish_cancelled(&self, lease: &Lease, now: Timestamp) -> Result<(), StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            let ended = queue::end_cancelled(&mut tx, lease, now).await?;
+            commit(tx, &[job_change(&ended)]).await
+        })
+        .await
+    }
+
+    async fn release_job(&self, lease: &Lease, now: Timestamp) -> Result<(), StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            let left = queue::release(&mut tx, lease, now).await?;
+            commit(tx, &[job_change(&left)]).await
+        })
+        .await
+    }
+
+    async fn list_versions(&self, session: &SessionId, page: &Page<VersionNumber>) -> Result<Vec<Version>, StoreError> {
+        self.within(async { versions::list(&mut *self.reader().await?, session, page).await })
+            .await
+    }
+
+    async fn get_version(&self, session: &SessionId, version: VersionSelector) -> Result<Version, StoreError> {
+        self.within(async { versions::get(&mut *self.reader().await?, session, version).await })
+            .await
+    }
+
+    async fn check(&self) -> Result<(), StoreError> {
+        self.within(async { writable(&mut *self.reader().await?).await }).await
+    }
+
+    fn changes(&self) -> broadcast::Receiver<Change> {
+        self.changes.subscribe()
+    }
+
+    async fn close(&self) {
+        if timeout(GOODBYE, self.pool.close()).await.is_err() {
+            tracing::warn!("the database does not take our goodbye");
+        }
+    }
+}
+
+async fn writable(db: &mut PgConnection) -> Result<(), StoreError> {
+    let row =
+        sqlx::query("SELECT NOT pg_is_in_recovery() AND current_setting('transaction_read_only') = 'off' AS writable")
+            .fetch_one(db)
+            .await
+            .failed()?;
+    if rows::value(&row, "writable")? {
+        Ok(())
+    } else {
+        Err(unavailable("the database is read-only"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_that_may_be_gone_at_the_next_try_are_told_from_those_that_stay() {
+        for passing in ["08006", "25006", "40P01", "53100", "55P03", "57P01", "57014", "58030"] {
+            assert!(passes(Some(passing)), "{passing}");
+        }
+        for staying in [Some("23505"), Some("42P01"), Some("22021"), Some(""), None] {
+            assert!(!passes(staying), "{staying:?}");
+        }
+    }
+}
