@@ -146,9 +146,14 @@ mod tests {
             "postgres://u:p@hunter2@host:5432/db?password=hunter2",
         ] {
             let place: DatabasePlace = url.parse().expect("a place");
-            assert_eq!(format!("{place} {place:?}"), "postgres://host:5432/db postgres://host:5432/db");
+            assert_eq!(
+                format!("{place} {place:?}"),
+                "postgres://host:5432/db postgres://host:5432/db"
+            );
         }
-        let error = "mysql://u:hunter2@host/db".parse::<DatabasePlace>().expect_err("unknown");
+        let error = "mysql://u:hunter2@host/db"
+            .parse::<DatabasePlace>()
+            .expect_err("unknown");
         assert!(!format!("{error} {error:?}").contains("hunter2"), "{error}");
         assert!(error.to_string().contains("mysql"), "{error}");
     }

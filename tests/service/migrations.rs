@@ -66,7 +66,7 @@ fn outline(text: &str) -> Vec<String> {
 
 /// The name that a line gives to something.
 fn named(line: &str) -> Option<&str> {
-    let words: Vec<&str> = line.split_whitespace().collect();
+    let words: Vec<&str> = line.split_whitespace().map(|word| word.trim_end_matches(',')).collect();
     match words[..] {
         ["CREATE", "TABLE" | "INDEX", name, ..]
         | ["CREATE", "UNIQUE", "INDEX", name, ..]
