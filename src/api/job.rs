@@ -1,4 +1,4 @@
-//! Jobs on the wire. A merge is asked for with a [`MergeRequest`](crate::model::MergeRequest).
+//! Jobs on the wire. A merge is asked for with a [`NewMerge`](super::NewMerge).
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;

@@ -3,6 +3,7 @@
 //! Imports `geometry`, `grid`, `registration`, `fusion` and `model`. No logic beyond turning records into documents;
 //! the server writes these types and the client reads them. JSON in `snake_case`; times are RFC 3339.
 
+mod constraint;
 mod job;
 mod map;
 mod merge;
@@ -14,6 +15,7 @@ mod transforms;
 mod verbatim;
 mod version;
 
+pub use constraint::{Constraint, ConstraintEffect, NewConstraint, NewFixed, NewGuess, NewMerge, NewRule};
 pub use job::Job;
 pub use map::{Map, Pushed};
 pub use merge::{

@@ -139,6 +139,8 @@ problem_codes! {
     JobNotFound = 404, "There is no such job";
     /// The session has no such version.
     VersionNotFound = 404, "There is no such version";
+    /// The session has no such constraint.
+    ConstraintNotFound = 404, "There is no such constraint";
     /// The path exists, the method does not.
     MethodNotAllowed = 405, "The method is not allowed here";
     /// None of the media types in `Accept` can be made.

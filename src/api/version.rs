@@ -23,6 +23,9 @@ pub struct VersionSummary {
     pub inputs: Vec<VersionInput>,
     /// SHA-256 of the fused map's content.
     pub digest: Digest,
+    /// The version whose content this one repeats; absent for a merge.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub restored_from: Option<VersionNumber>,
     /// When it was published.
     pub created_at: Timestamp,
 }
@@ -55,6 +58,9 @@ pub struct Version {
     pub inputs: Vec<VersionInput>,
     /// SHA-256 of the fused map's content.
     pub digest: Digest,
+    /// The version whose content this one repeats; absent for a merge.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub restored_from: Option<VersionNumber>,
     /// When it was published.
     pub created_at: Timestamp,
     /// For each robot: placed or not placed, and why.
@@ -82,6 +88,7 @@ impl From<crate::model::Version> for VersionSummary {
             anchor: version.anchor,
             inputs: version.inputs.into_iter().map(VersionInput::from).collect(),
             digest: version.digest,
+            restored_from: version.restored_from,
             created_at: version.created_at,
         }
     }
@@ -99,6 +106,7 @@ impl From<crate::model::Version> for Version {
             anchor: summary.anchor,
             inputs: summary.inputs,
             digest: summary.digest,
+            restored_from: summary.restored_from,
             created_at: summary.created_at,
             result,
         }

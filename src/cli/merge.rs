@@ -7,6 +7,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::files::{self, MapFiles};
+use super::merge_rules::MergeRules;
 use super::placements::{self, all_placed};
 use super::terminal::{say, tell};
 use super::{BadInput, Done, Failure, Stopwatch, in_pool};
@@ -46,6 +47,8 @@ pub(super) struct Merge {
     /// Name of the map in whose frame the result is told: the stem of its file's name. Default: the first map.
     #[arg(long, value_name = "NAME")]
     anchor: Option<String>,
+    #[command(flatten)]
+    rules: MergeRules,
     /// Threads to compute with. Default: one for each processor. The result is the same.
     #[arg(long, value_name = "COUNT")]
     threads: Option<NonZeroUsize>,
@@ -66,7 +69,7 @@ impl Merge {
         let anchor = self.anchor(&names)?;
         let (maps, weld, result) = in_pool(self.threads, || {
             let maps = decode(&files)?;
-            let (weld, result) = merge(&maps, &names, anchor, &method)?;
+            let (weld, result) = merge(&maps, &names, anchor, &method, &self.rules)?;
             Ok::<_, Failure>((maps, weld, result))
         })??;
         write(&self.output, &maps, &names, &weld, &result)?;
@@ -122,15 +125,18 @@ fn merge(
     names: &[String],
     anchor: usize,
     method: &MethodSpec,
+    rules: &MergeRules,
 ) -> Result<(Weld, MergeResult), Failure> {
     let clock = Stopwatch::start();
-    let inputs: Vec<WeldInput> = names
+    let mut inputs: Vec<WeldInput> = names
         .iter()
         .zip(maps)
         .map(|(name, grid)| WeldInput::new(name.clone(), Arc::clone(grid)))
         .collect();
+    rules.put_priors(names, anchor, &mut inputs)?;
     let options = WeldOptions {
         anchor,
+        forbidden: rules.forbidden(names)?,
         ..WeldOptions::new(method.build())
     };
     let weld = fusion::weld(&inputs, &options, &clock).bad_input(|| "cannot merge these maps")?;

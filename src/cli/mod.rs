@@ -13,6 +13,7 @@ pub mod files;
 #[cfg(feature = "server")]
 mod home;
 mod merge;
+mod merge_rules;
 #[cfg(feature = "server")]
 mod openapi;
 pub mod placements;

@@ -60,6 +60,17 @@ pub struct Earlier {
     pub previous: Option<Arc<OccupancyGrid>>,
 }
 
+/// An operator's word about two maps: so they lie to each other, whatever the maps say.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FixedPair {
+    /// Index of the map in whose frame the pose is told.
+    pub fixed: usize,
+    /// Index of the map whose pose is told.
+    pub moving: usize,
+    /// Pose of the moving map's frame in the fixed map's frame.
+    pub pose_fixed_moving: Pose2,
+}
+
 /// A pair that was registered before, by the same method, on these very maps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KnownPair {
@@ -80,6 +91,8 @@ pub struct WeldOptions {
     pub anchor: usize,
     /// Pairs of inputs that must not end up in one fused map, directly or by way of others.
     pub forbidden: Vec<[usize; 2]>,
+    /// Pairs of inputs that an operator has fixed to each other.
+    pub fixed_pairs: Vec<FixedPair>,
     /// Pairs that need no registering again.
     pub known_pairs: Vec<KnownPair>,
     /// What edges can be true together.
@@ -102,6 +115,7 @@ impl WeldOptions {
             method,
             anchor: 0,
             forbidden: Vec::new(),
+            fixed_pairs: Vec::new(),
             known_pairs: Vec::new(),
             consistency: ConsistencyRules::default(),
             contradiction: ContradictionRules::default(),

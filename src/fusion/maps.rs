@@ -89,26 +89,45 @@ impl<'a> Maps<'a> {
         known.map(|pair| (self.here(pair.fixed), self.here(pair.moving), pair))
     }
 
-    /// What operators have fixed, as edges from the anchor that are never doubted.
+    /// What operators have fixed, as edges that are never doubted: from the anchor, and between other maps.
     pub(super) fn certain_edges(&self) -> Vec<Edge> {
-        let fixed = |(map, input): (usize, &&WeldInput)| match input.prior {
-            Some(Prior::Fixed(pose_a_b)) if map != 0 => Some(Edge {
-                a: 0,
-                b: map,
-                pose_a_b,
-                covariance: Covariance::diagonal(1e-3, 1e-4),
-                weight: 0.0,
-                certain: true,
-            }),
-            _ => None,
+        let certain = |a: usize, b: usize, pose_a_b: Pose2| Edge {
+            a,
+            b,
+            pose_a_b,
+            covariance: Covariance::diagonal(1e-3, 1e-4),
+            weight: 0.0,
+            certain: true,
         };
-        self.inputs.iter().enumerate().filter_map(fixed).collect()
+        let fixed = self
+            .inputs
+            .iter()
+            .enumerate()
+            .filter_map(|(map, input)| match input.prior {
+                Some(Prior::Fixed(pose)) if map != 0 => Some(certain(0, map, pose)),
+                _ => None,
+            });
+        let pairs = self.options.fixed_pairs.iter().map(|pair| {
+            let (fixed, moving) = (self.here(pair.fixed), self.here(pair.moving));
+            if moving == 0 {
+                certain(moving, fixed, pair.pose_fixed_moving.inverse())
+            } else {
+                certain(fixed, moving, pair.pose_fixed_moving)
+            }
+        });
+        fixed.chain(pairs).collect()
+    }
+
+    /// Whether an operator has said where a map lies.
+    pub(super) fn is_fixed(&self, map: usize) -> bool {
+        self.certain_edges().iter().any(|edge| edge.b == map)
     }
 
     /// The poses that nothing moves: the anchor's and those that operators have fixed.
     pub(super) fn held(&self) -> Vec<(usize, Pose2)> {
         let certain = self.certain_edges();
-        let fixed = certain.iter().map(|edge| (edge.b, edge.pose_a_b));
+        let from_anchor = certain.iter().filter(|edge| edge.a == 0);
+        let fixed = from_anchor.map(|edge| (edge.b, edge.pose_a_b));
         std::iter::once((0, Pose2::IDENTITY)).chain(fixed).collect()
     }
 
@@ -175,8 +194,11 @@ fn check(inputs: &[WeldInput], options: &WeldOptions) -> Result<(), WeldError> {
         .flatten()
         .map(|&index| ("a forbidden pair", index));
     let known = options.known_pairs.iter().flat_map(|pair| [pair.fixed, pair.moving]);
+    let fixed_pairs = options.fixed_pairs.iter().map(|pair| [pair.fixed, pair.moving]);
+    let tied = fixed_pairs.clone().flatten().map(|index| ("a fixed pair", index));
     let named = std::iter::once(("the anchor", options.anchor))
         .chain(forbidden)
+        .chain(tied)
         .chain(known.map(|index| ("a known pair", index)));
     for (what, index) in named {
         if index >= maps {
@@ -188,7 +210,13 @@ fn check(inputs: &[WeldInput], options: &WeldOptions) -> Result<(), WeldError> {
         return Err(WeldError::AnchorFixedElsewhere(anchor.name.clone()));
     }
     let fixed = |index: usize| index == options.anchor || matches!(inputs[index].prior, Some(Prior::Fixed(_)));
-    match options.forbidden.iter().find(|[a, b]| a != b && fixed(*a) && fixed(*b)) {
+    let fixed_to = |pair: [usize; 2]| {
+        fixed_pairs
+            .clone()
+            .any(|tied| tied == pair || tied == [pair[1], pair[0]])
+    };
+    let held = |[a, b]: [usize; 2]| a != b && (fixed(a) && fixed(b) || fixed_to([a, b]));
+    match options.forbidden.iter().find(|pair| held(**pair)) {
         Some(&[a, b]) => Err(WeldError::FixedAndForbidden(
             inputs[a].name.clone(),
             inputs[b].name.clone(),

@@ -36,7 +36,7 @@ pub use consistency::{ConsistencyRules, Verdict, verdicts};
 pub use contradiction::ContradictionRules;
 pub use fuse::{FuseError, FuseOptions, Fused, PlacedMap, fuse};
 pub use group::register_set;
-pub use input::{Earlier, KnownPair, Prior, WeldInput, WeldOptions};
+pub use input::{Earlier, FixedPair, KnownPair, Prior, WeldInput, WeldOptions};
 pub use joint::JointRules;
 pub use known_poses::KnownPoseRules;
 pub use moments::Moments;

@@ -1,7 +1,6 @@
 //! The answer, told in the caller's order.
 
 use super::bridges::Bridges;
-use super::input::Prior;
 use super::known_poses::KnownPoses;
 use super::layout::{Layout, Link};
 use super::maps::{Maps, Stages};
@@ -111,9 +110,9 @@ impl Teller<'_> {
         Placed {
             pose_anchor_map: place.pose,
             covariance: place.covariance,
-            basis: match (map, &self.maps.inputs[map].prior) {
-                (0, _) => Basis::Anchor,
-                (_, Some(Prior::Fixed(_))) => Basis::Operator,
+            basis: match map {
+                0 => Basis::Anchor,
+                _ if self.maps.is_fixed(map) => Basis::Operator,
                 _ if self.known.settled[map] => Basis::KnownPose,
                 _ => Basis::Registered,
             },

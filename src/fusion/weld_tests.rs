@@ -6,7 +6,8 @@ use std::time::Duration;
 use super::*;
 use crate::fusion::scripted::{Scripted, evidence, nothing, world};
 use crate::fusion::{
-    Basis, Earlier, KnownPair, Moments, NotPlacedReason, PairCheck, PairRole, Placement, Prior, RegisteredSet,
+    Basis, Earlier, FixedPair, KnownPair, Moments, NotPlacedReason, PairCheck, PairRole, Placement, Prior,
+    RegisteredSet,
 };
 use crate::geometry::{Angle, Pose2};
 use crate::grid::{LogOdds, OccupancyGrid};
@@ -235,6 +236,33 @@ fn a_fixed_pose_holds_against_all_maps_and_places_what_hangs_on_it() {
 }
 
 #[test]
+fn maps_that_are_fixed_to_each_other_hang_together_wherever_one_of_them_is_placed() {
+    let (truth, inputs) = world(4);
+    let mut script = Scripted::default();
+    script.accept(&truth, 0, 1, 100.0);
+    // what the maps say of the fixed pair is wrong, and does not count
+    script.accept_off(&truth, 1, 2, 100.0, off(FAR));
+    let mut options = script.options().1;
+    let tie = |fixed: usize, moving: usize| FixedPair {
+        fixed,
+        moving,
+        pose_fixed_moving: truth[fixed].inverse() * truth[moving],
+    };
+    // told either way round, and to the anchor
+    options.fixed_pairs = vec![tie(2, 1), tie(3, 0)];
+    let set = register_set(&inputs, &options, &Unhurried).expect("it registers");
+    for map in 1..4 {
+        let wanted = truth[0].inverse() * truth[map];
+        let pose = pose_of(&set, map).expect("placed");
+        assert!(
+            Moments::of(&inputs[map].grid).distance(pose, wanted) < 1e-4,
+            "map {map}"
+        );
+    }
+    assert_eq!(set.placements[3].placed().expect("placed").basis, Basis::Operator);
+}
+
+#[test]
 fn a_guess_decides_between_hypotheses_that_the_maps_cannot_tell_apart() {
     let (truth, mut inputs) = world(2);
     let mut script = Scripted::default();
@@ -375,6 +403,19 @@ fn inputs_out_of_range_are_refused_with_what_is_wrong() {
     let mut apart = options();
     apart.forbidden.push([0, 1]);
     assert!(weld(&inputs, &apart, &Unhurried).is_err());
+    inputs[1].prior = None;
+    let tied = FixedPair {
+        fixed: 1,
+        moving: 0,
+        pose_fixed_moving: Pose2::IDENTITY,
+    };
+    apart.fixed_pairs.push(tied);
+    let error = weld(&inputs, &apart, &Unhurried).expect_err("fixed and apart");
+    assert!(matches!(error, WeldError::FixedAndForbidden(..)), "{error:?}");
+    let mut odd = options();
+    odd.fixed_pairs.push(FixedPair { moving: 5, ..tied });
+    let error = weld(&inputs, &odd, &Unhurried).expect_err("no such map").to_string();
+    assert!(error.contains("a fixed pair names map 5"), "{error}");
     inputs[1].prior = Some(Prior::Fixed(Pose2::new(FAR * 1e6, 0.0, Angle::ZERO)));
     let error = weld(&inputs, &options(), &Unhurried)
         .expect_err("too large")

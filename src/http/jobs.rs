@@ -12,11 +12,12 @@ use super::error::{ApiError, ApiResult};
 use super::extract::{JsonBody, Path, Query, parsed};
 use super::list::ListQuery;
 use super::refusals::{BadMerge, OfJob, SessionList};
+use super::rules;
 use super::sessions::SessionPath;
 use super::state::AppState;
 use super::watch::ended_job;
-use crate::api::{Job, Page};
-use crate::model::{JobId, MergeRequest};
+use crate::api::{Job, NewMerge, Page};
+use crate::model::JobId;
 
 /// The job of a path.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -44,9 +45,12 @@ const WAIT_MAX_SECONDS: f64 = 60.0;
 ///
 /// Registers the newest map of each robot and fuses those that can be placed. With `auto_merge` an upload does this by
 /// itself. Follow the job at `Location`.
+///
+/// An operator steers it: previews with `dry_run`, says how maps lie with `rules` (for all merges: make constraints),
+/// moves the session frame with `anchor`, rolls back with `restore`.
 #[utoipa::path(
     post, path = "/v1/sessions/{session}/merges", tag = "jobs", operation_id = "merge",
-    params(SessionPath), request_body = MergeRequest,
+    params(SessionPath), request_body = NewMerge,
     responses(
         (status = 202, description = "It is queued", body = Job, headers(
             ("location" = String, description = "Path of the job"),
@@ -58,8 +62,10 @@ const WAIT_MAX_SECONDS: f64 = 60.0;
 pub(super) async fn merge(
     State(state): State<AppState>,
     Path(SessionPath { session }): Path<SessionPath>,
-    JsonBody(request): JsonBody<MergeRequest>,
+    JsonBody(new): JsonBody<NewMerge>,
 ) -> ApiResult<(StatusCode, [(HeaderName, String); 2], Json<Job>)> {
+    let standing = state.store.get_session(&session).await?;
+    let request = rules::read_merge(&state, &standing, new).await?;
     let id = JobId::new(state.ids.next());
     let job = state
         .store

@@ -5,6 +5,7 @@
 //! respond.
 
 mod artifact;
+mod constraints;
 mod docs;
 mod error;
 mod events;
@@ -22,6 +23,7 @@ mod openapi;
 mod page;
 mod refusals;
 mod refuse;
+mod rules;
 mod sessions;
 mod state;
 mod suffix;
@@ -57,6 +59,8 @@ fn table() -> OpenApiRouter<AppState> {
         .routes(routes!(jobs::list, jobs::merge))
         .routes(routes!(jobs::get))
         .routes(routes!(events::of_job))
+        .routes(routes!(constraints::list, constraints::add))
+        .routes(routes!(constraints::get, constraints::remove))
         .routes(routes!(versions::list))
         .routes(routes!(versions::get))
         .routes(routes!(versions::map_png))

@@ -26,6 +26,7 @@ use crate::api::{FieldError, Problem, ProblemCode};
         (name = "sessions", description = "Places and times that robots map together"),
         (name = "maps", description = "What robots push"),
         (name = "jobs", description = "Merges, and how far they are"),
+        (name = "constraints", description = "What operators say about how maps lie"),
         (name = "versions", description = "Fused maps, immutable"),
         (name = "one-shot", description = "Merges that keep nothing"),
         (name = "service", description = "The server itself"),

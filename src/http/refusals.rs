@@ -46,8 +46,13 @@ refusals! {
     BadUpload: InvalidPath, InvalidQuery, MalformedMultipart, SessionNotFound, BodyTimeout, BodyTooLarge, MapTooLarge,
         UnsupportedMediaType, InvalidRequest, InvalidMap, QueueFull, Overloaded, StorageUnavailable, ShuttingDown;
     /// Of a merge that is asked for.
-    BadMerge: InvalidPath, MalformedJson, BodyTimeout, SessionNotFound, BodyTooLarge, UnsupportedMediaType,
+    BadMerge: InvalidPath, MalformedJson, BodyTimeout, SessionNotFound, Conflict, BodyTooLarge, UnsupportedMediaType,
         InvalidRequest, QueueFull, StorageUnavailable;
+    /// Of a constraint that is to stand.
+    BadConstraint: InvalidPath, MalformedJson, BodyTimeout, SessionNotFound, Conflict, BodyTooLarge,
+        UnsupportedMediaType, InvalidRequest;
+    /// Of a constraint.
+    OfConstraint: InvalidPath, SessionNotFound, ConstraintNotFound;
     /// Of a merge at once.
     BadOneShot: InvalidQuery, MalformedMultipart, NotAcceptable, BodyTimeout, BodyTooLarge, MapTooLarge,
         UnsupportedMediaType, InvalidRequest, InvalidMap, Overloaded, ShuttingDown;

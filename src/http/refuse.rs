@@ -14,6 +14,11 @@ impl From<StoreError> for ApiError {
             StoreError::NotFound(Missing::Map(..)) => Self::new(ProblemCode::MapNotFound, text),
             StoreError::NotFound(Missing::Job(_)) => Self::new(ProblemCode::JobNotFound, text),
             StoreError::NotFound(Missing::Version(..)) => Self::new(ProblemCode::VersionNotFound, text),
+            StoreError::NotFound(Missing::Constraint(..)) => Self::new(ProblemCode::ConstraintNotFound, text),
+            StoreError::Clash(_) => Self::new(ProblemCode::Conflict, text),
+            StoreError::TooManyConstraints { limit, .. } => Self::new(ProblemCode::Conflict, text).field(
+                FieldError::new("constraints", format!("{limit} stand"), format!("at most {limit}")),
+            ),
             StoreError::SessionExists(_) => Self::new(ProblemCode::SessionExists, text),
             StoreError::QueueFull { queued, limit, .. } => Self::new(ProblemCode::QueueFull, text).field(
                 FieldError::new("queue", format!("{queued} jobs wait"), format!("at most {limit}")),

@@ -133,6 +133,11 @@ uuid_id!(
     JobId,
     "job"
 );
+uuid_id!(
+    /// One standing constraint: a `UUIDv7`.
+    ConstraintId,
+    "constraint"
+);
 
 /// The number of a version within its session: 1, 2, 3 ... without gaps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, ToSchema)]

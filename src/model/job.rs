@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::{JobId, MethodSpec, ResultText, RobotId, SessionId, Timestamp, VersionNumber};
+use super::{Author, JobId, MethodSpec, ResultText, RobotId, Rule, SessionId, Timestamp, VersionNumber};
 
 /// A job as everybody may see it. Who holds its lease is the store's business.
 #[derive(Debug, Clone, PartialEq)]
@@ -123,6 +123,18 @@ pub struct MergeRequest {
     /// Another method than the session's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub method: Option<MethodSpec>,
+    /// Another anchor: the session's from the version on that this merge publishes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub anchor: Option<RobotId>,
+    /// Rules for this merge alone, besides the session's standing constraints.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rules: Vec<Rule>,
+    /// Merge nothing: publish the content of this version again, as the newest one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub restore: Option<VersionNumber>,
+    /// Who asks, as far as that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub author: Option<Author>,
 }
 
 /// Why a job, or an attempt at it, failed.

@@ -3,18 +3,26 @@
 //! Imports `geometry`, `grid` and `registration`. Pure types: what they mean and which values are allowed; how they are
 //! kept is the business of `store`, how they look on the wire that of `api`.
 
+mod constraint;
 mod digest;
 mod id;
 mod job;
 mod map;
+mod pose;
 mod session;
+mod steering;
+mod text;
 mod version;
 
+pub use constraint::{Apart, Constraint, Fixed, Guess, Hypothesis, Rule};
 pub use digest::{BlobKey, Digest};
-pub use id::{JobId, MapId, RobotId, SessionId, VersionNumber};
+pub use id::{ConstraintId, JobId, MapId, RobotId, SessionId, VersionNumber};
 pub use job::{Job, JobError, JobKind, JobState, MergeRequest, StageSeconds};
 pub use map::{MapRecord, NewMap, RobotSummary};
+pub use pose::Pose;
 pub use session::{Labels, Resolution, Session, SessionPatch, SessionSettings, Title};
+pub use steering::{Clash, Effect, Steering, Tie, beside};
+pub use text::{Author, Note};
 pub use version::{ResultText, Version, VersionInput, VersionSelector};
 
 /// Which method registers the maps of a session, and with which parameters.

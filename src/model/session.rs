@@ -277,7 +277,7 @@ impl From<Resolution> for f64 {
     }
 }
 
-fn is_plain(text: &str, chars_max: usize) -> bool {
+pub(super) fn is_plain(text: &str, chars_max: usize) -> bool {
     // a character takes at most 4 bytes: long texts are not counted
     text.len() <= 4 * chars_max && text.chars().count() <= chars_max && !text.chars().any(char::is_control)
 }

@@ -33,6 +33,8 @@ pub struct Version {
     pub overlay: BlobKey,
     /// [`Digest::of_grid`] of the fused map.
     pub digest: Digest,
+    /// The version whose content this one repeats; none for a merge.
+    pub restored_from: Option<VersionNumber>,
     /// When it was published.
     pub created_at: Timestamp,
 }

@@ -1,6 +1,6 @@
 //! Why the store did not do what it was asked.
 
-use crate::model::{BlobKey, JobId, MapId, SessionId, VersionSelector};
+use crate::model::{BlobKey, Clash, ConstraintId, JobId, MapId, SessionId, VersionSelector};
 
 /// Why the store did not do what it was asked.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +19,17 @@ pub enum StoreError {
         /// Jobs that wait.
         queued: u32,
         /// The most that may wait.
+        limit: u32,
+    },
+    /// The constraint cannot hold together with those that stand.
+    #[error(transparent)]
+    Clash(#[from] Clash),
+    /// The session has as many constraints as it may have.
+    #[error("session {session} has {limit} constraints, the limit; remove one first")]
+    TooManyConstraints {
+        /// The session.
+        session: SessionId,
+        /// The most that it may have.
         limit: u32,
     },
     /// Somebody else has the job now, or it is over.
@@ -53,6 +64,9 @@ pub enum Missing {
     /// No such version of the session.
     #[error("version {1} of session {0}")]
     Version(SessionId, VersionSelector),
+    /// No such constraint of the session.
+    #[error("constraint {1} of session {0}")]
+    Constraint(SessionId, ConstraintId),
     /// No such blob.
     #[error("blob {0}")]
     Blob(BlobKey),

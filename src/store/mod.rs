@@ -31,9 +31,9 @@ use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast;
 
 use crate::model::{
-    BlobKey, Digest, Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, NewMap, ResultText, RobotId,
-    RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionInput,
-    VersionNumber, VersionSelector,
+    BlobKey, Constraint, ConstraintId, Digest, Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, NewMap,
+    ResultText, RobotId, RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp,
+    Version, VersionInput, VersionNumber, VersionSelector,
 };
 
 /// Where records and the queue are kept. Every back end passes the same contract suite
@@ -172,6 +172,27 @@ pub trait Store: Send + Sync {
     /// One version of a session.
     async fn get_version(&self, session: &SessionId, version: VersionSelector) -> Result<Version, StoreError>;
 
+    // Constraints
+
+    /// Keeps a rule for all merges of its session from now on.
+    ///
+    /// # Errors
+    /// [`StoreError::Clash`] when it cannot hold together with those that stand, [`StoreError::TooManyConstraints`].
+    async fn add_constraint(&self, constraint: Constraint) -> Result<Constraint, StoreError>;
+
+    /// Constraints of a session, the oldest first.
+    async fn list_constraints(
+        &self,
+        session: &SessionId,
+        page: &Page<ConstraintId>,
+    ) -> Result<Vec<Constraint>, StoreError>;
+
+    /// One constraint of a session.
+    async fn get_constraint(&self, session: &SessionId, id: ConstraintId) -> Result<Constraint, StoreError>;
+
+    /// Removes a constraint: merges that begin from now on do not obey it.
+    async fn remove_constraint(&self, session: &SessionId, id: ConstraintId) -> Result<(), StoreError>;
+
     // The store itself
 
     /// Whether records can be written right now.
@@ -297,6 +318,10 @@ pub struct NewVersion {
     pub overlay: BlobKey,
     /// The content of the fused map.
     pub digest: Digest,
+    /// The version whose content this one repeats.
+    pub restored_from: Option<VersionNumber>,
+    /// Whether its anchor becomes the session's.
+    pub reanchors: bool,
     /// How long each stage took.
     pub timings: Vec<StageSeconds>,
 }

@@ -13,7 +13,7 @@ use sqlx::{Decode, Postgres, Row, Sqlite, Type};
 use crate::geometry::Pose2;
 use crate::grid::{Lattice, StateCounts};
 use crate::model::{
-    BlobKey, Job, JobId, JobState, MapRecord, NewMap, ResultText, Session, SessionId, SessionSettings, Timestamp,
+    Author, BlobKey, Constraint, Job, JobId, JobState, MapRecord, NewMap, Note, ResultText, Session, SessionId, SessionSettings, Timestamp,
     Version, VersionInput,
 };
 use crate::store::{Lease, StoreError};
@@ -108,6 +108,18 @@ pub(super) fn version(row: &impl StoredRow, inputs: Vec<VersionInput>) -> Result
         png: blob(row, "png_blob")?,
         overlay: blob(row, "overlay_blob")?,
         digest: parsed(row, "digest")?,
+        restored_from: optional(row, "restored_from", u32::try_into)?,
+        created_at: time(row, "created_at")?,
+    })
+}
+
+pub(super) fn constraint(row: &impl StoredRow) -> Result<Constraint, StoreError> {
+    Ok(Constraint {
+        id: parsed(row, "id")?,
+        session: parsed(row, "session")?,
+        rule: json(row, "rule")?,
+        author: optional(row, "author", |text: String| Author::parse(&text))?,
+        note: optional(row, "note", |text: String| Note::parse(&text))?,
         created_at: time(row, "created_at")?,
     })
 }

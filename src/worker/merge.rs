@@ -1,5 +1,6 @@
 //! One merge, told as a story: the newest maps are loaded, welded into one, drawn and kept.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -8,17 +9,19 @@ use bytes::Bytes;
 use futures_util::future::try_join_all;
 
 use super::memory::{Memory, Remembering};
+use super::steering::Steered;
 use super::work::{Done, Failure, Progress, Work};
 use crate::api::{MergeResult, Welded};
 use crate::codec::{OverlayLayer, decode_cells, encode_cells, encode_png, overlay};
 use crate::compute::{Compute, RunControl};
 use crate::fusion::{Conflicts, FuseError, Weld, WeldError, WeldInput, WeldOptions, weld};
+use crate::geometry::Pose2;
 use crate::model::{
-    Digest, Job, JobError, JobKind, MapRecord, MergeRequest, MethodSpec, ResultText, RobotId, Session, StageSeconds,
-    VersionInput,
+    Constraint, ConstraintId, Digest, Job, JobError, JobKind, MapRecord, MergeRequest, MethodSpec, ResultText, RobotId,
+    Session, StageSeconds, VersionInput, VersionNumber, VersionSelector,
 };
 use crate::registration::{Control, Method, Stop};
-use crate::store::{Blobs, NewVersion, Store};
+use crate::store::{Blobs, NewVersion, Page, Store, StoreError};
 
 /// Does merges.
 #[derive(Clone)]
@@ -47,8 +50,13 @@ impl Work for Merges {
         let mut times = Times::start(control);
         progress.stage("load", 0.0);
         let session = self.store.get_session(&job.session).await?;
+        if let Some(version) = job.request.restore {
+            return self.restore(&session, version, &job.request).await;
+        }
         let newest = self.store.newest_maps(&job.session).await?;
-        let order = Order::new(&session, newest, &job.request)?;
+        let mut order = Order::new(&session, newest, &job.request)?;
+        let standing = self.store.list_constraints(&job.session, &all_constraints()).await?;
+        order.steer(job, standing, &BTreeMap::new())?;
         let inputs = self.load(&order).await?;
         times.end("load");
 
@@ -85,14 +93,57 @@ impl Work for Merges {
             png,
             overlay,
             digest: merged.digest,
+            restored_from: None,
+            reanchors: job.request.anchor.is_some(),
             timings: times.stages,
         })))
     }
 }
 
+/// All of them: a session has no more.
+fn all_constraints() -> Page<ConstraintId> {
+    Page::first(Constraint::COUNT_MAX)
+}
+
 impl Merges {
+    /// The content of an earlier version, as the session's newest one. The session frame goes back with it.
+    async fn restore(&self, session: &Session, number: VersionNumber, request: &MergeRequest) -> Result<Done, Failure> {
+        let found = self
+            .store
+            .get_version(&session.id, VersionSelector::Number(number))
+            .await;
+        let version = match found {
+            Ok(version) => version,
+            Err(StoreError::NotFound(missing)) => {
+                return Err(Failure::for_good(
+                    "version_gone",
+                    format!("{missing} does not exist any more"),
+                ));
+            }
+            Err(error) => return Err(error.into()),
+        };
+        if request.dry_run {
+            return Ok(Done::DryRun {
+                result: version.result,
+                timings: Vec::new(),
+            });
+        }
+        Ok(Done::Version(Box::new(NewVersion {
+            reanchors: session.settings.anchor.as_ref() != Some(&version.anchor),
+            anchor: version.anchor,
+            inputs: version.inputs,
+            result: version.result,
+            grid: version.grid,
+            png: version.png,
+            overlay: version.overlay,
+            digest: version.digest,
+            restored_from: Some(version.restored_from.unwrap_or(version.number)),
+            timings: Vec::new(),
+        })))
+    }
+
     async fn load(&self, order: &Order) -> Result<Vec<WeldInput>, Failure> {
-        try_join_all(order.maps.iter().map(|record| async {
+        let mut inputs = try_join_all(order.maps.iter().map(|record| async {
             let bytes = self.blobs.get(record.map.blob).await?;
             let decoded = self.compute.run(move || decode_cells(&bytes)).await?;
             let grid = decoded.map_err(|error| {
@@ -101,9 +152,11 @@ impl Merges {
                     format!("map {} of robot {}: {error}", record.id, record.robot),
                 )
             })?;
-            Ok(WeldInput::new(record.robot.as_str(), Arc::new(grid)))
+            Ok::<_, Failure>(WeldInput::new(record.robot.as_str(), Arc::new(grid)))
         }))
-        .await
+        .await?;
+        order.steered.put_priors(&order.robots(), &mut inputs);
+        Ok(inputs)
     }
 }
 
@@ -124,12 +177,14 @@ struct Order {
     anchor: usize,
     method: MethodSpec,
     resolution: Option<f64>,
+    /// What operators say about them.
+    steered: Steered,
 }
 
 impl Order {
     fn new(session: &Session, newest: Vec<MapRecord>, request: &MergeRequest) -> Result<Self, Failure> {
         let settings = &session.settings;
-        let Some(anchor) = &settings.anchor else {
+        let Some(anchor) = request.anchor.as_ref().or(settings.anchor.as_ref()) else {
             return Err(Failure::for_good(
                 "no_maps",
                 format!("session {} has no map yet", session.id),
@@ -163,7 +218,24 @@ impl Order {
             maps,
             method: request.method.as_ref().unwrap_or(&settings.method).clone(),
             resolution: settings.resolution.map(f64::from),
+            steered: Steered::default(),
         })
+    }
+
+    /// Takes in what operators say. `earlier` is where the version before placed maps, in the frame of this anchor.
+    fn steer(
+        &mut self,
+        job: &Job,
+        standing: Vec<Constraint>,
+        earlier: &BTreeMap<RobotId, Pose2>,
+    ) -> Result<(), Failure> {
+        let robots = self.robots();
+        self.steered = Steered::new(job, standing, &robots[self.anchor], &robots, earlier)?;
+        Ok(())
+    }
+
+    fn robots(&self) -> Vec<RobotId> {
+        self.maps.iter().map(|map| map.robot.clone()).collect()
     }
 }
 
@@ -190,6 +262,7 @@ impl Merge {
         let method = self.memory.remembering(order.method.build(), Digest::of_bytes(&key));
         let mut options = WeldOptions::new(Arc::clone(&method) as Arc<dyn Method>);
         options.anchor = order.anchor;
+        order.steered.put_pairs(&order.robots(), &mut options);
         options.fuse.resolution = order.resolution;
         options.fuse.cells_max = self.cells_max;
         let began = self.control.now();
@@ -210,7 +283,8 @@ impl Merge {
             anchor: order.anchor,
             method: &order.method,
         };
-        let result = MergeResult::of(&weld, &welded, took);
+        let mut result = MergeResult::of(&weld, &welded, took);
+        result.constraints.clone_from(&order.steered.told);
 
         let mut times = Times::start(&self.control);
         self.progress.stage("draw", WELDED);

@@ -9,6 +9,7 @@
 mod lease;
 mod memory;
 mod merge;
+mod steering;
 mod work;
 
 use std::num::NonZeroUsize;

@@ -57,6 +57,8 @@ fn version() -> NewVersion {
         png: BlobKey::of(b"png"),
         overlay: BlobKey::of(b"overlay"),
         digest: Digest::of_bytes(b"fused"),
+        restored_from: None,
+        reanchors: false,
         timings: Vec::new(),
     }
 }

@@ -11,12 +11,12 @@ pub use of::Welded;
 pub use pair::{Bridge, Candidate, Evidence, PairCheck, PairOutcome, PairResult, PairRole, RunnerUp};
 pub use reason::{Reason, ReasonCode};
 
-use super::{CellCounts, Pose};
+use super::{CellCounts, ConstraintEffect, Pose};
 use crate::model::{Digest, MethodSpec, StageSeconds};
 
 /// What is placed where, and why.
 ///
-/// Everything but `timings` depends on the maps, their names and the parameters alone: the same files give the same
+/// Everything but `timings` depends on the maps, their names, the parameters and what operators say alone: the same files give the same
 /// bytes, from the command and from any server of this version. Made by [`MergeResult::of`] alone.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct MergeResult {
@@ -34,6 +34,9 @@ pub struct MergeResult {
     pub bridges: Vec<Bridge>,
     /// The maps that lie in one frame, the anchor's group first; a map that is joined to nobody is a group of its own.
     pub groups: Vec<Group>,
+    /// What operators have said about this merge, and what became of it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub constraints: Vec<ConstraintEffect>,
     /// The fused map.
     pub fused: FusedMap,
     /// How long it took; the only part that differs from run to run.

@@ -48,6 +48,7 @@ impl MergeResult {
             pairs: set.pairs.iter().map(|pair| names.pair(pair)).collect(),
             bridges: set.bridges.iter().map(|bridge| names.bridge(bridge)).collect(),
             groups,
+            constraints: Vec::new(),
             fused: FusedMap::of(&weld.fused),
             timings: Timings {
                 total_seconds: took.as_secs_f64(),

@@ -4,6 +4,7 @@
 //! session come one after the other and nobody waits in a circle; claims skip what others hold. Changes are told to all
 //! replicas by NOTIFY, in the transaction that makes them.
 
+mod constraints;
 mod jobs;
 mod maps;
 mod news;
@@ -27,7 +28,7 @@ use super::{
     Retry, Store, StoreError,
 };
 use crate::model::{
-    Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, ResultText, RobotId, RobotSummary, Session,
+    Constraint, ConstraintId, Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, ResultText, RobotId, RobotSummary, Session,
     SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionNumber, VersionSelector,
 };
 use pool::{PATIENCE, Trust};
@@ -324,6 +325,9 @@ impl Store for PostgresStore {
         self.within(async {
             let mut tx = self.begin().await?;
             let ended = queue::succeed(&mut tx, lease, None, &version.timings, now).await?;
+            if version.reanchors {
+                sessions::reanchor(&mut tx, &ended.session, &version.anchor, now).await?;
+            }
             let version = versions::add(&mut tx, &ended.session, ended.id, version, now).await?;
             let published = Change::Version(version.session.clone(), version.number);
             commit(tx, &[published, job_change(&ended)]).await?;
@@ -389,6 +393,39 @@ impl Store for PostgresStore {
     async fn get_version(&self, session: &SessionId, version: VersionSelector) -> Result<Version, StoreError> {
         self.within(async { versions::get(&mut *self.reader().await?, session, version).await })
             .await
+    }
+
+    async fn add_constraint(&self, constraint: Constraint) -> Result<Constraint, StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            constraints::add(&mut tx, &constraint).await?;
+            commit(tx, &[Change::Session(constraint.session.clone())]).await?;
+            Ok(constraint)
+        })
+        .await
+    }
+
+    async fn list_constraints(
+        &self,
+        session: &SessionId,
+        page: &Page<ConstraintId>,
+    ) -> Result<Vec<Constraint>, StoreError> {
+        self.within(async { constraints::list(&mut *self.reader().await?, session, page).await })
+            .await
+    }
+
+    async fn get_constraint(&self, session: &SessionId, id: ConstraintId) -> Result<Constraint, StoreError> {
+        self.within(async { constraints::get(&mut *self.reader().await?, session, id).await })
+            .await
+    }
+
+    async fn remove_constraint(&self, session: &SessionId, id: ConstraintId) -> Result<(), StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            constraints::remove(&mut tx, session, id).await?;
+            commit(tx, &[Change::Session(session.clone())]).await
+        })
+        .await
     }
 
     async fn check(&self) -> Result<(), StoreError> {

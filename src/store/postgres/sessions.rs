@@ -137,6 +137,21 @@ pub(super) async fn update(db: &mut PgConnection, session: Session, now: Timesta
     })
 }
 
+/// Makes a robot the anchor of a session.
+pub(super) async fn reanchor(
+    db: &mut PgConnection,
+    id: &SessionId,
+    anchor: &RobotId,
+    now: Timestamp,
+) -> Result<(), StoreError> {
+    let mut session = held(db, id).await?;
+    if session.settings.anchor.as_ref() != Some(anchor) {
+        session.settings.anchor = Some(anchor.clone());
+        update(db, session, now).await?;
+    }
+    Ok(())
+}
+
 pub(super) async fn delete(db: &mut PgConnection, id: &SessionId) -> Result<(), StoreError> {
     let held = sqlx::query("SELECT id FROM sessions WHERE id = $1 FOR UPDATE")
         .bind(id.as_str())

@@ -36,6 +36,7 @@ pub(super) async fn add(
         png: new.png,
         overlay: new.overlay,
         digest: new.digest,
+        restored_from: new.restored_from,
         created_at: now,
     };
     insert(db, &version).await?;
@@ -51,8 +52,8 @@ pub(super) async fn add(
 async fn insert(db: &mut PgConnection, version: &Version) -> Result<(), StoreError> {
     sqlx::query(
         "INSERT INTO versions (session, number, parent, job, anchor, result, grid_blob, png_blob, overlay_blob, digest,
-                               created_at)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)",
+                               restored_from, created_at)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12)",
     )
     .bind(version.session.as_str())
     .bind(i64::from(version.number.get()))
@@ -64,6 +65,7 @@ async fn insert(db: &mut PgConnection, version: &Version) -> Result<(), StoreErr
     .bind(version.png.0.to_string())
     .bind(version.overlay.0.to_string())
     .bind(version.digest.to_string())
+    .bind(version.restored_from.map(|number| i64::from(number.get())))
     .bind(version.created_at.as_microsecond())
     .execute(&mut *db)
     .await

@@ -3,6 +3,7 @@
 //! WAL and `synchronous = FULL`: what was answered has been fsynced. One connection writes, and every transaction that
 //! writes begins IMMEDIATE: a read that upgrades would fail at once with `SQLITE_BUSY_SNAPSHOT`, whatever the time-out.
 
+mod constraints;
 mod jobs;
 mod maps;
 mod queue;
@@ -24,8 +25,9 @@ use super::{
     Retry, Store, StoreError,
 };
 use crate::model::{
-    Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, ResultText, RobotId, RobotSummary, Session,
-    SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionNumber, VersionSelector,
+    Constraint, ConstraintId, Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, ResultText, RobotId,
+    RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionNumber,
+    VersionSelector,
 };
 
 /// Records in one SQLite file.
@@ -300,6 +302,9 @@ impl Store for SqliteStore {
     async fn publish_version(&self, lease: &Lease, version: NewVersion, now: Timestamp) -> Result<Version, StoreError> {
         let mut tx = self.begin().await?;
         let ended = queue::succeed(&mut tx, lease, None, &version.timings, now).await?;
+        if version.reanchors {
+            sessions::reanchor(&mut tx, &ended.session, &version.anchor, now).await?;
+        }
         let version = versions::add(&mut tx, &ended.session, ended.id, version, now).await?;
         tx.commit().await.failed()?;
         self.announce(Change::Version(version.session.clone(), version.number));
@@ -356,6 +361,34 @@ impl Store for SqliteStore {
 
     async fn get_version(&self, session: &SessionId, version: VersionSelector) -> Result<Version, StoreError> {
         versions::get(&mut *self.reader().await?, session, version).await
+    }
+
+    async fn add_constraint(&self, constraint: Constraint) -> Result<Constraint, StoreError> {
+        let mut tx = self.begin().await?;
+        constraints::add(&mut tx, &constraint).await?;
+        tx.commit().await.failed()?;
+        self.announce(Change::Session(constraint.session.clone()));
+        Ok(constraint)
+    }
+
+    async fn list_constraints(
+        &self,
+        session: &SessionId,
+        page: &Page<ConstraintId>,
+    ) -> Result<Vec<Constraint>, StoreError> {
+        constraints::list(&mut *self.reader().await?, session, page).await
+    }
+
+    async fn get_constraint(&self, session: &SessionId, id: ConstraintId) -> Result<Constraint, StoreError> {
+        constraints::get(&mut *self.reader().await?, session, id).await
+    }
+
+    async fn remove_constraint(&self, session: &SessionId, id: ConstraintId) -> Result<(), StoreError> {
+        let mut tx = self.begin().await?;
+        constraints::remove(&mut tx, session, id).await?;
+        tx.commit().await.failed()?;
+        self.announce(Change::Session(session.clone()));
+        Ok(())
     }
 
     async fn check(&self) -> Result<(), StoreError> {

@@ -112,6 +112,21 @@ pub(super) async fn update(db: &mut SqliteConnection, session: Session, now: Tim
     })
 }
 
+/// Makes a robot the anchor of a session that stands.
+pub(super) async fn reanchor(
+    db: &mut SqliteConnection,
+    id: &SessionId,
+    anchor: &RobotId,
+    now: Timestamp,
+) -> Result<(), StoreError> {
+    let mut session = get(db, id).await?;
+    if session.settings.anchor.as_ref() != Some(anchor) {
+        session.settings.anchor = Some(anchor.clone());
+        update(db, session, now).await?;
+    }
+    Ok(())
+}
+
 pub(super) async fn delete(db: &mut SqliteConnection, id: &SessionId) -> Result<(), StoreError> {
     let deleted = sqlx::query("DELETE FROM sessions WHERE id = ?1")
         .bind(id.as_str())

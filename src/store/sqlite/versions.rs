@@ -34,6 +34,7 @@ pub(super) async fn add(
         png: new.png,
         overlay: new.overlay,
         digest: new.digest,
+        restored_from: new.restored_from,
         created_at: now,
     };
     insert(db, &version).await?;
@@ -49,8 +50,8 @@ pub(super) async fn add(
 async fn insert(db: &mut SqliteConnection, version: &Version) -> Result<(), StoreError> {
     sqlx::query(
         "INSERT INTO versions (session, number, parent, job, anchor, result, grid_blob, png_blob, overlay_blob, digest,
-                               created_at)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)",
+                               restored_from, created_at)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12)",
     )
     .bind(version.session.as_str())
     .bind(version.number.get())
@@ -62,6 +63,7 @@ async fn insert(db: &mut SqliteConnection, version: &Version) -> Result<(), Stor
     .bind(version.png.0.to_string())
     .bind(version.overlay.0.to_string())
     .bind(version.digest.to_string())
+    .bind(version.restored_from.map(VersionNumber::get))
     .bind(version.created_at.as_microsecond())
     .execute(&mut *db)
     .await

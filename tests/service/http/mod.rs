@@ -12,5 +12,6 @@ mod pages;
 mod push_command;
 mod rooms;
 mod server;
+mod steering;
 mod uploads;
 mod versions;

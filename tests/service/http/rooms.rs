@@ -133,3 +133,35 @@ pub(crate) fn scrap(seed: u32) -> OccupancyGrid {
     grid.cells_mut()[lattice.index(0, 0)] = LogOdds::UNKNOWN;
     grid
 }
+
+/// A hall that looks the same when it is turned by half: `[a, b]`, two robots' maps of it, and the pose of b's frame in
+/// a's. From the maps alone nobody can tell which way round b lies.
+pub(crate) fn two_maps_of_a_symmetric_hall() -> ([OccupancyGrid; 2], Pose2) {
+    let lattice = lattice(300, 200);
+    let mut hall = OccupancyGrid::new(lattice, vec![LogOdds::FREE; lattice.cell_count()]).expect("as many");
+    let mut wall = |x: u32, y: u32, width: u32, height: u32| {
+        for row in y..y + height {
+            for column in x..x + width {
+                // and its twin, half a turn about the middle of the hall away
+                hall.cells_mut()[lattice.index(column, row)] = LogOdds::OCCUPIED;
+                hall.cells_mut()[lattice.index(299 - column, 199 - row)] = LogOdds::OCCUPIED;
+            }
+        }
+    };
+    for (x, y, width, height) in [
+        (0, 0, 300, 3),
+        (0, 0, 3, 200),
+        (60, 0, 3, 70),
+        (60, 110, 70, 3),
+        (130, 40, 25, 12),
+        (20, 150, 14, 14),
+        (100, 0, 3, 40),
+    ] {
+        wall(x, y, width, height);
+    }
+    let pose = Pose2::new(3.0, 2.0, Angle::from_degrees(25.0));
+    let origin = Pose2::new(-12.0, -12.0, Angle::ZERO);
+    let target = Lattice::new(560, 560, RESOLUTION, origin).expect("valid");
+    let turned = resample(&hall, pose.inverse(), target);
+    ([hall, turned], pose)
+}

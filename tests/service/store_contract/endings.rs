@@ -90,6 +90,12 @@ pub(crate) async fn a_dry_run_ends_with_its_result_and_no_version(store: AnyStor
         dry_run: true,
         robots: Some(vec![robot("r1"), robot("r2")]),
         method: None,
+        anchor: Some(robot("r1")),
+        rules: vec![Rule::Apart(Apart {
+            robots: [robot("r1"), robot("r2")],
+        })],
+        restore: None,
+        author: None,
     };
     store
         .enqueue_merge(&id, job_id(), request.clone(), at(0))

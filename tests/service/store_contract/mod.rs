@@ -2,6 +2,7 @@
 //!
 //! The stores of this suite hold [`LIMITS`].
 
+mod constraints;
 mod endings;
 mod leases;
 mod looking;
@@ -14,6 +15,7 @@ use std::time::Duration;
 
 use mapweld::store::{QueueLimits, Store};
 
+pub(crate) use constraints::*;
 pub(crate) use endings::*;
 pub(crate) use leases::*;
 pub(crate) use looking::*;
@@ -80,6 +82,12 @@ macro_rules! contract {
             an_ended_job_stays_as_it_is,
             jobs_are_listed_newest_first,
             the_depth_of_the_queue_counts_waiting_and_running_jobs,
+            a_constraint_stands_until_it_is_removed,
+            constraints_that_cannot_hold_at_once_are_refused_and_change_nothing,
+            a_session_has_a_limited_number_of_constraints,
+            constraints_go_with_their_session,
+            a_version_that_repeats_an_earlier_one_says_which,
+            a_version_that_moves_the_anchor_moves_that_of_its_session_in_one_step,
             changes_are_announced_to_those_who_listen,
             many_tasks_that_claim_at_once_get_each_job_once,
             many_sessions_and_workers_publish_without_gaps_or_doubles,

@@ -5,8 +5,9 @@ pub(crate) use std::sync::Arc;
 pub(crate) use std::time::Duration;
 
 pub(crate) use mapweld::model::{
-    BlobKey, Digest, Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, NewMap, ResultText, RobotId,
-    Session, SessionId, SessionPatch, SessionSettings, Timestamp, VersionInput, VersionNumber, VersionSelector,
+    Apart, BlobKey, Clash, Constraint, ConstraintId, Digest, Fixed, Job, JobError, JobId, JobState, MapId, MapRecord,
+    MergeRequest, NewMap, Pose, ResultText, RobotId, Rule, Session, SessionId, SessionPatch, SessionSettings,
+    Timestamp, VersionInput, VersionNumber, VersionSelector,
 };
 pub(crate) use mapweld::store::{
     AddMap, Added, Change, Claim, Lease, Missing, NewVersion, Page, ProgressReport, QueueScope, Retry, StoreError,
@@ -124,6 +125,8 @@ pub(crate) fn new_version(inputs: &[MapRecord]) -> NewVersion {
         png: BlobKey::of(b"png"),
         overlay: BlobKey::of(b"overlay"),
         digest: Digest::of_bytes(b"fused"),
+        restored_from: None,
+        reanchors: false,
         timings: Vec::new(),
     }
 }
