@@ -13,8 +13,8 @@ use sqlx::{Decode, Postgres, Row, Sqlite, Type};
 use crate::geometry::Pose2;
 use crate::grid::{Lattice, StateCounts};
 use crate::model::{
-    Author, BlobKey, Constraint, Job, JobId, JobState, MapRecord, NewMap, Note, ResultText, Session, SessionId, SessionSettings, Timestamp,
-    Version, VersionInput,
+    Author, BlobKey, Constraint, Job, JobId, JobState, MapRecord, NewMap, Note, ResultText, Session, SessionId,
+    SessionSettings, Timestamp, Version, VersionInput,
 };
 use crate::store::{Lease, StoreError};
 

@@ -39,14 +39,15 @@ pub(super) async fn list(
     page: &Page<ConstraintId>,
 ) -> Result<Vec<Constraint>, StoreError> {
     sessions::get(db, session).await?;
-    let found =
-        sqlx::query("SELECT * FROM constraints WHERE session = $1 AND ($2::TEXT IS NULL OR id > $2) ORDER BY id LIMIT $3")
-            .bind(session.as_str())
-            .bind(page.after.map(|id| id.to_string()))
-            .bind(i64::from(page.size))
-            .fetch_all(db)
-            .await
-            .failed()?;
+    let found = sqlx::query(
+        "SELECT * FROM constraints WHERE session = $1 AND ($2::TEXT IS NULL OR id > $2) ORDER BY id LIMIT $3",
+    )
+    .bind(session.as_str())
+    .bind(page.after.map(|id| id.to_string()))
+    .bind(i64::from(page.size))
+    .fetch_all(db)
+    .await
+    .failed()?;
     found.iter().map(rows::constraint).collect()
 }
 

@@ -28,8 +28,9 @@ use super::{
     Retry, Store, StoreError,
 };
 use crate::model::{
-    Constraint, ConstraintId, Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, ResultText, RobotId, RobotSummary, Session,
-    SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionNumber, VersionSelector,
+    Constraint, ConstraintId, Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, ResultText, RobotId,
+    RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionNumber,
+    VersionSelector,
 };
 use pool::{PATIENCE, Trust};
 use queue::Tried;
