@@ -63,7 +63,7 @@
 //! ```
 //!
 //! Beside them, small rooms: [`clock`] (time and ids, handed in), `compute` (the bounded pool for heavy work), `config`,
-//! `telemetry`, and `web` (the embedded page).
+//! `failpoint` (where tests of debug builds have a server die), `telemetry`, and `web` (the embedded page).
 //!
 //! The service has two homes behind one door, [`store::Store`] with [`store::Blobs`], chosen at run time: SQLite and a
 //! folder, for one process; PostgreSQL and a place that all see, for any number of equal replicas.
@@ -98,6 +98,8 @@ pub mod codec;
 pub mod compute;
 #[cfg(feature = "server")]
 pub mod config;
+#[cfg(feature = "server")]
+pub mod failpoint;
 pub mod fusion;
 pub mod geometry;
 pub mod grid;

@@ -17,7 +17,11 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("client", &["geometry", "grid", "codec", "model", "api"]),
     ("clock", &[]),
     ("compute", &["registration", "clock"]),
-    ("store", &["geometry", "grid", "registration", "model", "clock"]),
+    ("failpoint", &[]),
+    (
+        "store",
+        &["geometry", "grid", "registration", "model", "clock", "failpoint"],
+    ),
     (
         "worker",
         &[
@@ -30,12 +34,13 @@ const ARROWS: &[(&str, &[&str])] = &[
             "api",
             "clock",
             "compute",
+            "failpoint",
             "store",
         ],
     ),
     ("web", &[]),
     ("telemetry", &[]),
-    ("config", &["codec"]),
+    ("config", &["codec", "failpoint"]),
     (
         "http",
         &[
@@ -48,6 +53,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "api",
             "clock",
             "compute",
+            "failpoint",
             "store",
             "web",
             "config",

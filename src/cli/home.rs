@@ -5,8 +5,8 @@ use std::sync::Arc;
 use anyhow::Context;
 
 use super::Failure;
-use crate::config::{DatabasePlace, ServeConfig};
-use crate::store::{PostgresStore, QueueLimits, SqliteStore, Store};
+use crate::config::{BlobPlace, DatabasePlace, ServeConfig};
+use crate::store::{Blobs, PostgresStore, QueueLimits, SqliteStore, Store};
 
 /// Opens the database.
 ///
@@ -22,4 +22,23 @@ pub(super) async fn open_store(config: &ServeConfig, limits: QueueLimits) -> Res
             Arc::new(store.with_context(cannot_open)?)
         }
     })
+}
+
+/// Opens the place of the blobs.
+///
+/// # Errors
+/// When the folder cannot be made, or the settings of the bucket do not fit together.
+pub(super) fn open_blobs(config: &ServeConfig) -> Result<Blobs, Failure> {
+    let place = config.blob_place();
+    let opened = match &place {
+        BlobPlace::Folder(folder) => Blobs::open_folder(folder),
+        BlobPlace::S3 { bucket, prefix } => {
+            let settings = std::env::vars_os().filter_map(|(name, value)| {
+                let name = name.into_string().ok().filter(|name| name.starts_with("AWS_"))?;
+                Some((name, value.into_string().ok()?))
+            });
+            Blobs::open_bucket(bucket, prefix, settings)
+        }
+    };
+    Ok(opened.with_context(|| format!("cannot open {place}"))?)
 }

@@ -13,14 +13,15 @@ use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use super::home::open_store;
+use super::home::{open_blobs, open_store};
 use super::runtime::{block_on, interrupted};
 use super::{BadInput, Done, Failure, say};
 use crate::clock::{Clock, SystemClock, SystemIds};
 use crate::compute::Compute;
 use crate::config::{LogFormat, ServeConfig};
+use crate::failpoint;
 use crate::http::{AppState, Rooms, app, listen};
-use crate::store::{Blobs, QueueLimits, Store};
+use crate::store::{QueueLimits, Store};
 use crate::telemetry;
 use crate::worker::{Memory, Merges, Worker, WorkerSettings};
 
@@ -80,14 +81,16 @@ impl Server {
             total: config.limits.max_queued,
             max_attempts: config.work.max_attempts,
         };
-        let cannot_open = || format!("cannot open {}", config.data.display());
+        if let Some(order) = config.failpoint {
+            failpoint::arm(order).bad_input(|| "--failpoint")?;
+        }
         let store = open_store(config, limits).await?;
         let processors = available_parallelism().unwrap_or(NonZeroUsize::MIN);
         let workers = config.work.workers.unwrap_or(processors.get());
         let threads = config.work.threads.and_then(NonZeroUsize::new).unwrap_or(processors);
         let rooms = Rooms {
             store: Arc::clone(&store),
-            blobs: Blobs::open_folder(&config.data.join("blobs")).with_context(cannot_open)?,
+            blobs: open_blobs(config)?,
             // requests find a place while every worker computes
             compute: Compute::new(threads, threads.saturating_add(workers)).context("cannot start threads")?,
             clock: Arc::new(SystemClock::new()),

@@ -1,6 +1,6 @@
 //! The settings of `mapweld serve`: options of the command line, each with an environment variable.
 //!
-//! Imports `codec` only, for its limits.
+//! Imports `codec`, for its limits, and `failpoint`.
 
 mod place;
 
@@ -11,6 +11,7 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 
 use crate::codec::Limits;
+use crate::failpoint;
 pub use place::{BadPlace, BlobPlace, DatabasePlace};
 
 /// How a server is run.
@@ -44,6 +45,11 @@ pub struct ServeConfig {
     )]
     pub database_connections: u32,
 
+    /// Where blobs are kept: a folder or `s3://BUCKET/PREFIX`, with endpoint, region and keys in the usual `AWS_`
+    /// variables. Default: `blobs` in the data folder.
+    #[arg(long, env = "MAPWELD_BLOBS", value_name = "PLACE")]
+    pub blobs: Option<BlobPlace>,
+
     /// Listen on an address that other machines reach, though nobody has to show a key.
     #[arg(long, env = "MAPWELD_INSECURE")]
     pub insecure: bool,
@@ -67,6 +73,10 @@ pub struct ServeConfig {
     /// The form of these lines.
     #[arg(long, env = "MAPWELD_LOG_FORMAT", value_enum, default_value_t)]
     pub log_format: LogFormat,
+
+    /// Where a debug build shall die, for tests.
+    #[arg(long, env = "MAPWELD_FAILPOINT", hide = true)]
+    pub failpoint: Option<failpoint::Order>,
 }
 
 /// How jobs are done.
@@ -154,6 +164,13 @@ impl ServeConfig {
     pub fn database(&self) -> DatabasePlace {
         let standard = || DatabasePlace::Sqlite(self.data.join("mapweld.sqlite"));
         self.database_url.clone().unwrap_or_else(standard)
+    }
+
+    /// Where blobs are kept.
+    #[must_use]
+    pub fn blob_place(&self) -> BlobPlace {
+        let standard = || BlobPlace::Folder(self.data.join("blobs"));
+        self.blobs.clone().unwrap_or_else(standard)
     }
 
     /// Refuses an address beyond this machine unless it is asked for.

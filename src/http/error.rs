@@ -73,7 +73,7 @@ impl ApiError {
     pub(crate) fn storage(cause: impl fmt::Display) -> Self {
         let mut error = Self::new(
             ProblemCode::StorageUnavailable,
-            "the storage does not answer; nothing was stored",
+            "the storage does not answer; send it again: a map that was stored all the same is not stored twice",
         );
         error.0.cause = Some(cause.to_string());
         error

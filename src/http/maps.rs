@@ -18,6 +18,7 @@ use super::state::{AppState, to_the_end};
 use super::upload::{PictureQuery, Upload, Uploaded};
 use crate::api::{Map, Page, Pushed};
 use crate::codec::{OccupancyGridMessage, decode_cells, encode_cells, encode_png};
+use crate::failpoint::{self, Point};
 use crate::model::{JobId, MapId, NewMap, RobotId, SessionId, SessionSettings};
 use crate::store::AddMap;
 
@@ -119,6 +120,7 @@ async fn keep(
     (decoded, frame_id, cells): (crate::codec::Decoded, Option<String>, Bytes),
 ) -> ApiResult<Pushed> {
     let blob = state.blobs.put(cells).await?;
+    failpoint::reach(Point::AfterBlob);
     let map = NewMap {
         frame_id,
         warnings: decoded.warnings.iter().map(ToString::to_string).collect(),
@@ -133,6 +135,7 @@ async fn keep(
         map,
     };
     let added = state.store.add_map_and_enqueue(add, state.clock.now()).await?;
+    failpoint::reach(Point::AfterCommit);
     Ok(Pushed {
         created: added.created,
         job: added.map.job,

@@ -7,7 +7,7 @@ use bytes::Bytes;
 use object_store::local::LocalFileSystem;
 use object_store::{ObjectStore, ObjectStoreExt, PutPayload, path};
 
-use super::{Missing, StoreError};
+use super::{Missing, StoreError, s3};
 use crate::model::BlobKey;
 
 /// Where blobs are kept: immutable, each under the SHA-256 of its bytes, checked when it is read.
@@ -27,6 +27,19 @@ impl Blobs {
             .map_err(|error| StoreError::Unavailable(error.into()))?
             .with_fsync(true);
         Ok(Self::over(Arc::new(files)))
+    }
+
+    /// Blobs in an S3 bucket, under keys that begin with `prefix` (may be empty). `settings` are the usual variables by
+    /// their names: `AWS_ENDPOINT_URL`, `AWS_REGION`, `AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY` and others.
+    ///
+    /// # Errors
+    /// When the settings do not fit together.
+    pub fn open_bucket(
+        bucket: &str,
+        prefix: &str,
+        settings: impl IntoIterator<Item = (String, String)>,
+    ) -> Result<Self, StoreError> {
+        Ok(Self::over(s3::bucket(bucket, prefix, settings)?))
     }
 
     /// Blobs in any object store that is durable when it says so.

@@ -17,6 +17,7 @@ mod blobs;
 mod error;
 mod postgres;
 mod rows;
+mod s3;
 mod sqlite;
 
 use std::time::Duration;

@@ -14,6 +14,7 @@ use super::work::{Done, Failure, Progress, Work};
 use crate::api::{MergeResult, Welded};
 use crate::codec::{OverlayLayer, decode_cells, encode_cells, encode_png, overlay};
 use crate::compute::{Compute, RunControl};
+use crate::failpoint::{self, Point};
 use crate::fusion::{Conflicts, FuseError, Weld, WeldError, WeldInput, WeldOptions, weld};
 use crate::geometry::Pose2;
 use crate::model::{
@@ -67,6 +68,7 @@ impl Work for Merges {
             control: control.clone(),
             progress: progress.clone(),
         };
+        failpoint::reach(Point::MidMerge);
         let order = Arc::new(order);
         let merged = {
             let order = Arc::clone(&order);
@@ -85,6 +87,7 @@ impl Work for Merges {
         let [grid, png, overlay] = merged.pictures.map(|bytes| self.blobs.put(bytes));
         let (grid, png, overlay) = futures_util::try_join!(grid, png, overlay)?;
         times.end("keep");
+        failpoint::reach(Point::BeforePublish);
         Ok(Done::Version(Box::new(NewVersion {
             anchor: order.maps[order.anchor].robot.clone(),
             inputs: order.maps.iter().map(input_of).collect(),

@@ -28,6 +28,7 @@ pub use work::{Done, Failure, Progress, Work};
 
 use crate::clock::Clock;
 use crate::compute::RunControl;
+use crate::failpoint::{self, Point};
 use crate::model::{Job, JobError, JobState};
 use crate::store::{Change, Claim, Lease, Retry, Store, StoreError};
 use lease::Ended;
@@ -168,7 +169,10 @@ impl Worker {
                 .store
                 .publish_version(lease, (**version).clone(), now)
                 .await
-                .map(|version| info!(job = %job.id, session = %job.session, version = %version.number, "published")),
+                .map(|version| {
+                    failpoint::reach(Point::AfterPublish);
+                    info!(job = %job.id, session = %job.session, version = %version.number, "published");
+                }),
             Ended::Done(Done::DryRun { result, timings }) => {
                 self.store.finish_dry_run(lease, result, timings, now).await
             }

@@ -36,6 +36,7 @@ impl LocalServer {
             listen: SocketAddr::from((Ipv4Addr::LOCALHOST, port)),
             data: data.or(temporary.clone()).expect("invariant: one of the two is there"),
             database_url: None,
+            blobs: None,
             ..defaults.config
         };
         Ok(Self {

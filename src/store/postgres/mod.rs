@@ -27,6 +27,7 @@ use super::{
     AddMap, Added, Change, Claim, Created, Lease, NewVersion, Page, ProgressReport, QueueDepth, QueueLimits, Renewed,
     Retry, Store, StoreError,
 };
+use crate::failpoint::{self, Point};
 use crate::model::{
     Constraint, ConstraintId, Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, ResultText, RobotId,
     RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionNumber,
@@ -202,6 +203,7 @@ impl Store for PostgresStore {
         self.within(async {
             let mut tx = self.begin().await?;
             let added = maps::add_and_enqueue(&mut tx, add, &self.limits, now).await?;
+            failpoint::reach(Point::BeforeCommit);
             let session = &added.map.session;
             let mut changes = Vec::new();
             if added.created {
@@ -330,6 +332,7 @@ impl Store for PostgresStore {
                 sessions::reanchor(&mut tx, &ended.session, &version.anchor, now).await?;
             }
             let version = versions::add(&mut tx, &ended.session, ended.id, version, now).await?;
+            failpoint::reach(Point::BeforePublishCommit);
             let published = Change::Version(version.session.clone(), version.number);
             commit(tx, &[published, job_change(&ended)]).await?;
             Ok(version)

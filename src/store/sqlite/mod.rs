@@ -24,6 +24,7 @@ use super::{
     AddMap, Added, Change, Claim, Created, Lease, NewVersion, Page, ProgressReport, QueueDepth, QueueLimits, Renewed,
     Retry, Store, StoreError,
 };
+use crate::failpoint::{self, Point};
 use crate::model::{
     Constraint, ConstraintId, Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, ResultText, RobotId,
     RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionNumber,
@@ -208,6 +209,7 @@ impl Store for SqliteStore {
     async fn add_map_and_enqueue(&self, add: AddMap, now: Timestamp) -> Result<Added, StoreError> {
         let mut tx = self.begin().await?;
         let added = maps::add_and_enqueue(&mut tx, add, &self.limits, now).await?;
+        failpoint::reach(Point::BeforeCommit);
         tx.commit().await.failed()?;
         if added.created {
             self.announce(Change::Map(added.map.session.clone(), added.map.id));
@@ -306,6 +308,7 @@ impl Store for SqliteStore {
             sessions::reanchor(&mut tx, &ended.session, &version.anchor, now).await?;
         }
         let version = versions::add(&mut tx, &ended.session, ended.id, version, now).await?;
+        failpoint::reach(Point::BeforePublishCommit);
         tx.commit().await.failed()?;
         self.announce(Change::Version(version.session.clone(), version.number));
         self.announce_job(ended);
