@@ -21,15 +21,25 @@ use tower::ServiceExt as _;
 const HEAD_TIME: Duration = Duration::from_secs(30);
 /// Most connections at one time; further ones wait in the socket's backlog.
 const CONNECTIONS_MAX: usize = 1024;
+/// For this long after it was told to stop the server goes on as before, while it says by `/readyz` that it will not: a
+/// request that is on its way is answered, not met by a closed door.
+const LINGER: Duration = Duration::from_millis(500);
 /// After an accept that failed for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// Serves connections until `stop`; then takes no new ones, lets the requests in flight finish for at most `grace`, and
-/// cuts the rest off.
+/// Serves connections until [`LINGER`] after `stop`; then takes no new ones, lets the requests in flight finish for at
+/// most `grace`, and cuts the rest off.
 ///
 /// # Panics
 /// Never: the count of connections is not closed.
 pub async fn listen(listener: TcpListener, app: Router, stop: CancellationToken, grace: Duration) {
+    let closing = CancellationToken::new();
+    let door = closing.clone();
+    tokio::spawn(async move {
+        stop.cancelled().await;
+        tokio::time::sleep(LINGER).await;
+        door.cancel();
+    });
     let connections = TaskTracker::new();
     let cut = CancellationToken::new();
     let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
@@ -43,15 +53,15 @@ pub async fn listen(listener: TcpListener, app: Router, stop: CancellationToken,
             (listener.accept().await, place)
         };
         let (socket, place) = tokio::select! {
-            () = stop.cancelled() => break,
+            () = closing.cancelled() => break,
             accepted = accepted => accepted,
         };
         match socket {
             Ok((socket, _)) => {
-                let (app, stop, cut) = (app.clone(), stop.clone(), cut.clone());
+                let (app, closing, cut) = (app.clone(), closing.clone(), cut.clone());
                 connections.spawn(async move {
                     tokio::select! {
-                        () = connection(socket, app, stop) => {}
+                        () = connection(socket, app, closing) => {}
                         () = cut.cancelled() => {}
                     }
                     drop(place);
@@ -75,7 +85,7 @@ pub async fn listen(listener: TcpListener, app: Router, stop: CancellationToken,
     }
 }
 
-async fn connection(socket: TcpStream, app: Router, stop: CancellationToken) {
+async fn connection(socket: TcpStream, app: Router, closing: CancellationToken) {
     let _ = socket.set_nodelay(true); // only a matter of speed
     let service = app.map_request(|request: Request<Incoming>| request.map(Body::new));
     let service = service.map_err(|never: Infallible| match never {});
@@ -87,7 +97,7 @@ async fn connection(socket: TcpStream, app: Router, stop: CancellationToken) {
     );
     let served = tokio::select! {
         served = connection.as_mut() => served,
-        () = stop.cancelled() => {
+        () = closing.cancelled() => {
             connection.as_mut().graceful_shutdown();
             connection.await
         }

@@ -13,3 +13,5 @@ mod store_sqlite;
 
 #[cfg(feature = "client")]
 mod http;
+#[cfg(feature = "client")]
+mod survival;

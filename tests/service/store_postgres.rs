@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use mapweld::model::{JobId, JobState};
-use mapweld::store::{Change, Claim, PostgresStore, Store, StoreError};
+use mapweld::store::{Change, Claim, PostgresStore, StoreError};
 use tokio::task::JoinSet;
 
 use crate::postgres::Database;

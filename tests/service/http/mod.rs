@@ -10,7 +10,7 @@ mod merge_command;
 mod one_shot;
 mod pages;
 mod push_command;
-mod rooms;
+pub(crate) mod rooms;
 mod server;
 mod steering;
 mod uploads;
