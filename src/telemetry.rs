@@ -1,5 +1,7 @@
 //! The log: lines on standard error, as text or JSON.
 //!
+//! Who has changed what (target `mapweld::audit`) is told whatever the filter says, unless it names that target.
+//!
 //! Imports nothing of the crate.
 
 use std::io;
@@ -15,12 +17,20 @@ pub struct BadFilter {
     reason: ParseError,
 }
 
+/// The target of the lines that tell who has changed what.
+const AUDIT: &str = "mapweld::audit";
+
 /// Sends the process's log to standard error from now on. A second call changes nothing.
 ///
 /// # Errors
 /// [`BadFilter`] when the filter cannot be parsed.
 pub fn init(filter: &str, json: bool) -> Result<(), BadFilter> {
-    let parsed = EnvFilter::builder().parse(filter).map_err(|reason| BadFilter {
+    let whole = if filter.contains(AUDIT) {
+        filter.to_owned()
+    } else {
+        format!("{filter},{AUDIT}=info")
+    };
+    let parsed = EnvFilter::builder().parse(whole).map_err(|reason| BadFilter {
         filter: filter.to_owned(),
         reason,
     })?;

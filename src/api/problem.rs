@@ -106,6 +106,13 @@ macro_rules! problem_codes {
                 }
             }
 
+            /// It as it stands in JSON.
+            #[must_use]
+            pub fn as_str(self) -> String {
+                let text = serde_json::to_string(&self).expect("invariant: a code serialises");
+                text.trim_matches('"').to_owned()
+            }
+
             /// It in words.
             #[must_use]
             pub fn title(self) -> &'static str {
@@ -129,6 +136,10 @@ problem_codes! {
     InvalidQuery = 400, "The query is not understood";
     /// A part of the path has not the form that it must have.
     InvalidPath = 400, "The path is not understood";
+    /// The server asks for a key, and the request shows none that is good.
+    Unauthorized = 401, "The request shows no good key";
+    /// The key that the request shows is not good for this.
+    Forbidden = 403, "The key is not good for this";
     /// There is nothing at this path.
     NotFound = 404, "There is nothing at this path";
     /// There is no such session.
@@ -163,6 +174,8 @@ problem_codes! {
     InvalidMap = 422, "The map cannot be read";
     /// The queue of jobs is full; `Retry-After` says when to try again.
     QueueFull = 429, "The queue is full";
+    /// The key asks more often than it may; `Retry-After` says when to try again.
+    RateLimited = 429, "The key asks too often";
     /// A bug of the server; the request id finds it in its log.
     Internal = 500, "Internal error";
     /// The server has as much to do as it can take; `Retry-After` says when to try again.

@@ -42,3 +42,21 @@ pub(super) fn open_blobs(config: &ServeConfig) -> Result<Blobs, Failure> {
     };
     Ok(opened.with_context(|| format!("cannot open {place}"))?)
 }
+
+/// Opens the database for a command that looks at records and changes single ones; a server may have it open.
+///
+/// # Errors
+/// When it cannot be reached.
+pub(super) async fn open_beside(place: &DatabasePlace) -> Result<Box<dyn Store>, Failure> {
+    let cannot_open = || format!("cannot open {place}");
+    Ok(match place {
+        DatabasePlace::Sqlite(file) => Box::new(SqliteStore::open_file_beside(file).await.with_context(cannot_open)?),
+        DatabasePlace::Postgres(url) => {
+            let store = PostgresStore::open(url, CONNECTIONS, QueueLimits::default()).await;
+            Box::new(store.with_context(cannot_open)?)
+        }
+    })
+}
+
+/// For a command; one of them listens.
+const CONNECTIONS: u32 = 2;

@@ -12,6 +12,8 @@ mod failure;
 pub mod files;
 #[cfg(feature = "server")]
 mod home;
+#[cfg(feature = "server")]
+mod keys;
 mod merge;
 mod merge_rules;
 #[cfg(feature = "server")]
@@ -56,6 +58,8 @@ enum Command {
     Simulate(simulate::Simulate),
     #[cfg(feature = "server")]
     Serve(serve::Serve),
+    #[cfg(feature = "server")]
+    Keys(keys::Keys),
     #[cfg(feature = "server")]
     #[command(name = "openapi")]
     OpenApi(openapi::OpenApi),
@@ -112,6 +116,8 @@ impl Command {
             Self::Simulate(simulate) => simulate.run(),
             #[cfg(feature = "server")]
             Self::Serve(serve) => serve.run(),
+            #[cfg(feature = "server")]
+            Self::Keys(keys) => keys.run(),
             #[cfg(feature = "server")]
             Self::OpenApi(openapi) => openapi.run(),
         }

@@ -28,6 +28,9 @@ pub(super) struct Push {
     /// Address of the server.
     #[arg(long, env = "MAPWELD_SERVER", default_value = "http://127.0.0.1:8080")]
     server: String,
+    /// The key that the server asks for.
+    #[arg(long, env = "MAPWELD_KEY", hide_env_values = true)]
+    key: Option<String>,
     /// The session: which robots map together. Made by the first push.
     #[arg(long)]
     session: SessionId,
@@ -58,7 +61,10 @@ impl Push {
             give_up_after: Duration::from_secs(self.retry_for),
             ..Patience::default()
         };
-        let client = Client::new(&self.server, patience, random_seed())?;
+        let mut client = Client::new(&self.server, patience, random_seed())?;
+        if let Some(key) = &self.key {
+            client = client.with_key(key)?;
+        }
         let spool = self
             .spool
             .as_ref()

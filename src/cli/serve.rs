@@ -35,7 +35,6 @@ pub(super) struct Serve {
 impl Serve {
     pub(super) fn run(self) -> Result<Done, Failure> {
         let config = self.config;
-        config.check_listen().bad_input(|| "--listen")?;
         telemetry::init(&config.log, config.log_format == LogFormat::Json).bad_input(|| "--log")?;
         block_on(async {
             let mut interrupted = pin!(interrupted());
@@ -72,10 +71,6 @@ const MAPS_REMEMBERED: usize = 128;
 impl Server {
     /// Opens the folder, takes up the work that is queued in it, and listens.
     pub(super) async fn start(config: &ServeConfig) -> Result<Self, Failure> {
-        let listener = TcpListener::bind(config.listen)
-            .await
-            .bad_input(|| format!("cannot listen on {}", config.listen))?;
-        let address = listener.local_addr().context("the socket has no address")?;
         let limits = QueueLimits {
             per_session: config.limits.max_queued_per_session,
             total: config.limits.max_queued,
@@ -85,6 +80,12 @@ impl Server {
             failpoint::arm(order).bad_input(|| "--failpoint")?;
         }
         let store = open_store(config, limits).await?;
+        let has_keys = store.has_keys().await.context("cannot look for keys")?;
+        config.check_listen(has_keys).bad_input(|| "--listen")?;
+        let listener = TcpListener::bind(config.listen)
+            .await
+            .bad_input(|| format!("cannot listen on {}", config.listen))?;
+        let address = listener.local_addr().context("the socket has no address")?;
         let processors = available_parallelism().unwrap_or(NonZeroUsize::MIN);
         let workers = config.work.workers.unwrap_or(processors.get());
         let threads = config.work.threads.and_then(NonZeroUsize::new).unwrap_or(processors);

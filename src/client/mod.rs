@@ -20,11 +20,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use bytes::Bytes;
+use reqwest::header::HeaderValue;
 use reqwest::{Method, RequestBuilder, Response, StatusCode, Url, header, multipart};
 use serde::de::DeserializeOwned;
 
 use crate::api;
-use crate::model::{JobId, SessionId, SessionSettings, VersionSelector};
+use crate::model::{JobId, SessionId, SessionSettings, ShownKey, VersionSelector};
 
 /// The longest that the server is asked to hold a question for a job.
 const LONG_POLL: Duration = Duration::from_secs(20);
@@ -39,9 +40,15 @@ pub struct Client {
     http: reqwest::Client,
     base: Url,
     patience: Patience,
+    /// Shown with every request.
+    key: Option<Credential>,
     /// Seeds of the back-off of each call, one after the other.
     seed: AtomicU64,
 }
+
+/// The value of `Authorization`. Sensitive: its `Debug` tells nothing.
+#[derive(Debug)]
+struct Credential(HeaderValue);
 
 impl Client {
     /// A client of the server at `server`, e.g. `http://127.0.0.1:8080`. `seed` decides only about the jitter of waits;
@@ -78,7 +85,22 @@ impl Client {
             http,
             base,
             patience,
+            key: None,
             seed: AtomicU64::new(seed),
+        })
+    }
+
+    /// The same client, which shows this key to the server.
+    ///
+    /// # Errors
+    /// When the text is no key.
+    pub fn with_key(self, key: &str) -> Result<Self, ClientError> {
+        let key = ShownKey::parse(key.trim()).ok_or(ClientError::BadKey)?;
+        let mut value = HeaderValue::try_from(format!("Bearer {}", key.reveal())).map_err(|_| ClientError::BadKey)?;
+        value.set_sensitive(true);
+        Ok(Self {
+            key: Some(Credential(value)),
+            ..self
         })
     }
 
@@ -179,7 +201,11 @@ impl Client {
 
     fn request(&self, method: Method, path: &str) -> RequestBuilder {
         let url = self.base.join(path).expect("invariant: paths are made of parsed names");
-        self.http.request(method, url).timeout(ANSWER_WITHIN)
+        let request = self.http.request(method, url).timeout(ANSWER_WITHIN);
+        match &self.key {
+            Some(Credential(value)) => request.header(header::AUTHORIZATION, value.clone()),
+            None => request,
+        }
     }
 
     async fn read<T: DeserializeOwned>(&self, request: impl Fn() -> RequestBuilder) -> Result<T, ClientError> {

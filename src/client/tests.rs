@@ -54,6 +54,21 @@ fn answer(status: &str, headers: &str, body: &str) -> String {
     format!("HTTP/1.1 {status}\r\nconnection: close\r\ncontent-length: {length}\r\n{headers}\r\n{body}")
 }
 
+#[tokio::test]
+async fn a_key_goes_with_every_request_and_is_told_to_nobody_else() {
+    let (server, asked) = scripted(vec![answer("201 Created", "", PUSHED)]).await;
+    let key = format!("mapweld_{}_{}", "0".repeat(32), "ab".repeat(32));
+    let client = client(&server).with_key(&key).expect("a key");
+    client.push_map_once(&recipient(), &upload()).await.expect("is pushed");
+    let asked = asked.lock().expect("no panic").concat().to_lowercase();
+    assert!(asked.contains(&format!("authorization: bearer {key}\r\n")), "{asked}");
+    assert!(!format!("{client:?}").contains("abab"), "a secret in Debug");
+    let mistake = Client::new(&server, Patience::default(), 1)
+        .expect("a server")
+        .with_key("mapweld_x");
+    assert!(matches!(mistake, Err(ClientError::BadKey)));
+}
+
 fn problem(code: ProblemCode) -> String {
     serde_json::to_string(&api::Problem::new(code, "as the script says")).expect("a problem serialises")
 }

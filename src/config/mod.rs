@@ -50,7 +50,7 @@ pub struct ServeConfig {
     #[arg(long, env = "MAPWELD_BLOBS", value_name = "PLACE")]
     pub blobs: Option<BlobPlace>,
 
-    /// Listen on an address that other machines reach, though nobody has to show a key.
+    /// Let everyone do everything: nobody has to show a key, also on an address that other machines reach.
     #[arg(long, env = "MAPWELD_INSECURE")]
     pub insecure: bool,
 
@@ -130,6 +130,14 @@ pub struct LimitConfig {
     #[arg(long, env = "MAPWELD_MAX_QUEUED", default_value_t = 1024, value_name = "COUNT")]
     pub max_queued: u32,
 
+    /// Requests a second that one key may make; 0 for any number. More are answered with 429.
+    #[arg(long, env = "MAPWELD_KEY_RATE", default_value_t = 100, value_name = "COUNT")]
+    pub key_rate: u32,
+
+    /// Requests that one key may make at once after a pause.
+    #[arg(long, env = "MAPWELD_KEY_BURST", default_value_t = 200, value_name = "COUNT")]
+    pub key_burst: u32,
+
     /// Most jobs of one session that wait.
     #[arg(
         long,
@@ -150,13 +158,13 @@ pub enum LogFormat {
     Json,
 }
 
-/// The server would be open to whoever reaches it.
+/// The server would be of use to nobody but strangers.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{0} can be reached from other machines, and nobody has to show a key; listen on 127.0.0.1, or say --insecure when \
-     the network is trusted"
+    "{0} can be reached from other machines, and there is no key that callers could show; make one with mapweld keys \
+     create, listen on 127.0.0.1, or say --insecure when the network is trusted"
 )]
-pub struct OpenToAll(SocketAddr);
+pub struct NoKeys(SocketAddr);
 
 impl ServeConfig {
     /// Where records and the queue are kept.
@@ -173,16 +181,21 @@ impl ServeConfig {
         self.blobs.clone().unwrap_or_else(standard)
     }
 
-    /// Refuses an address beyond this machine unless it is asked for.
+    /// Refuses an address beyond this machine when no key was ever made, unless that is asked for.
     ///
     /// # Errors
-    /// [`OpenToAll`] names the address.
-    pub fn check_listen(&self) -> Result<(), OpenToAll> {
-        if self.listen.ip().is_loopback() || self.insecure {
-            Ok(())
-        } else {
-            Err(OpenToAll(self.listen))
+    /// [`NoKeys`] names the address.
+    pub fn check_listen(&self, has_keys: bool) -> Result<(), NoKeys> {
+        if self.is_beyond_loopback() && !has_keys && !self.insecure {
+            return Err(NoKeys(self.listen));
         }
+        Ok(())
+    }
+
+    /// Whether other machines reach the server.
+    #[must_use]
+    pub fn is_beyond_loopback(&self) -> bool {
+        !self.listen.ip().is_loopback()
     }
 }
 
@@ -225,13 +238,15 @@ mod tests {
     }
 
     #[test]
-    fn a_server_stays_on_its_machine_unless_it_is_told_to_be_insecure() {
-        assert!(parse(&[]).expect("defaults").check_listen().is_ok());
+    fn a_server_stays_on_its_machine_unless_there_are_keys_or_it_is_told_to_be_insecure() {
+        assert!(parse(&[]).expect("defaults").check_listen(false).is_ok());
         let open = ["--listen", "0.0.0.0:0"];
-        let error = parse(&open).expect("parses").check_listen().expect_err("refused");
+        let config = parse(&open).expect("parses");
+        let error = config.check_listen(false).expect_err("refused");
         assert!(error.to_string().contains("--insecure"), "{error}");
+        assert!(config.check_listen(true).is_ok());
         let insecure = parse(&[open[0], open[1], "--insecure"]).expect("parses");
-        assert!(insecure.check_listen().is_ok());
+        assert!(insecure.check_listen(false).is_ok());
     }
 
     #[test]

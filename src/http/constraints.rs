@@ -1,11 +1,12 @@
 //! Standing constraints: what operators say about all merges of a session.
 
 use axum::Json;
-use axum::extract::State;
+use axum::extract::{Extension, State};
 use axum::http::{HeaderName, StatusCode, header};
 use serde::Deserialize;
 use utoipa::IntoParams;
 
+use super::auth::Caller;
 use super::error::ApiResult;
 use super::extract::{JsonBody, Path, Query, parsed};
 use super::list::ListQuery;
@@ -43,6 +44,7 @@ pub(super) struct ConstraintPath {
 )]
 pub(super) async fn add(
     State(state): State<AppState>,
+    Extension(caller): Extension<Caller>,
     Path(SessionPath { session }): Path<SessionPath>,
     JsonBody(new): JsonBody<NewConstraint>,
 ) -> ApiResult<(StatusCode, [(HeaderName, String); 1], Json<Constraint>)> {
@@ -51,7 +53,7 @@ pub(super) async fn add(
         id: ConstraintId::new(state.ids.next()),
         rule: rules::read(&state, &standing, new.rule, "rule").await?,
         session,
-        author: new.author,
+        author: new.author.or_else(|| caller.author()),
         note: new.note,
         created_at: state.clock.now(),
     };

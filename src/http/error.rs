@@ -22,6 +22,9 @@ struct Parts {
     cause: Option<String>,
 }
 
+/// How a key may be shown: by programs, and by browsers that ask their user for it.
+const CHALLENGES: [&str; 2] = ["Bearer realm=\"mapweld\"", "Basic realm=\"mapweld\", charset=\"UTF-8\""];
+
 /// What a handler answers.
 pub(crate) type ApiResult<T> = Result<T, ApiError>;
 
@@ -38,9 +41,10 @@ impl ApiError {
         Self(Box::new(Parts {
             problem: Problem::new(code, detail),
             retry_after: match code {
-                ProblemCode::QueueFull | ProblemCode::Overloaded | ProblemCode::StorageUnavailable => {
-                    Some(Duration::from_secs(1))
-                }
+                ProblemCode::QueueFull
+                | ProblemCode::RateLimited
+                | ProblemCode::Overloaded
+                | ProblemCode::StorageUnavailable => Some(Duration::from_secs(1)),
                 ProblemCode::ShuttingDown => Some(Duration::from_secs(5)),
                 _ => None,
             },
@@ -79,6 +83,13 @@ impl ApiError {
         error
     }
 
+    /// When the same request may be answered otherwise.
+    #[must_use]
+    pub(crate) fn retry_after(mut self, wait: Duration) -> Self {
+        self.0.retry_after = Some(wait);
+        self
+    }
+
     /// Adds a field that was wrong.
     #[must_use]
     pub(crate) fn field(mut self, error: FieldError) -> Self {
@@ -105,8 +116,16 @@ impl IntoResponse for ApiError {
         let status = StatusCode::from_u16(problem.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
         let mut response = status.into_response();
         if let Some(after) = retry_after {
-            let seconds = HeaderValue::from(after.as_secs().max(1));
+            // whole seconds, and not too early
+            let seconds = after.as_secs() + u64::from(after.subsec_nanos() > 0);
+            let seconds = HeaderValue::from(seconds.max(1));
             response.headers_mut().insert(header::RETRY_AFTER, seconds);
+        }
+        if status == StatusCode::UNAUTHORIZED {
+            for scheme in CHALLENGES {
+                let challenge = HeaderValue::from_static(scheme);
+                response.headers_mut().append(header::WWW_AUTHENTICATE, challenge);
+            }
         }
         response.extensions_mut().insert(Refusal { problem, cause });
         response
@@ -148,6 +167,12 @@ mod tests {
         let response = ApiError::new(ProblemCode::QueueFull, "full").into_response();
         assert_eq!(response.status(), StatusCode::TOO_MANY_REQUESTS);
         assert_eq!(response.headers()[header::RETRY_AFTER], "1");
+    }
+
+    #[test]
+    fn the_wait_that_is_told_is_never_too_short() {
+        let refusal = ApiError::new(ProblemCode::RateLimited, "often").retry_after(Duration::from_millis(1200));
+        assert_eq!(refusal.into_response().headers()[header::RETRY_AFTER], "2");
     }
 
     #[test]

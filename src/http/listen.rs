@@ -17,6 +17,8 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 use tower::ServiceExt as _;
 
+use super::auth::Peer;
+
 /// Longest time for a request's head to arrive; also how long a connection may idle.
 const HEAD_TIME: Duration = Duration::from_secs(30);
 /// Most connections at one time; further ones wait in the socket's backlog.
@@ -57,11 +59,11 @@ pub async fn listen(listener: TcpListener, app: Router, stop: CancellationToken,
             accepted = accepted => accepted,
         };
         match socket {
-            Ok((socket, _)) => {
+            Ok((socket, peer)) => {
                 let (app, closing, cut) = (app.clone(), closing.clone(), cut.clone());
                 connections.spawn(async move {
                     tokio::select! {
-                        () = connection(socket, app, closing) => {}
+                        () = connection(socket, Peer(peer), app, closing) => {}
                         () = cut.cancelled() => {}
                     }
                     drop(place);
@@ -85,9 +87,13 @@ pub async fn listen(listener: TcpListener, app: Router, stop: CancellationToken,
     }
 }
 
-async fn connection(socket: TcpStream, app: Router, closing: CancellationToken) {
+async fn connection(socket: TcpStream, peer: Peer, app: Router, closing: CancellationToken) {
     let _ = socket.set_nodelay(true); // only a matter of speed
-    let service = app.map_request(|request: Request<Incoming>| request.map(Body::new));
+    let service = app.map_request(move |request: Request<Incoming>| {
+        let mut request = request.map(Body::new);
+        request.extensions_mut().insert(peer);
+        request
+    });
     let service = service.map_err(|never: Infallible| match never {});
     let mut connection = std::pin::pin!(
         http1::Builder::new()

@@ -5,6 +5,7 @@
 //! respond.
 
 mod artifact;
+mod auth;
 mod constraints;
 mod docs;
 mod error;
@@ -46,7 +47,7 @@ pub use state::{AppState, Rooms};
 
 use suffix::add_suffixed;
 
-/// Every path of the API, with its methods.
+/// Every path of the API, with its methods. Who may call them stands in [`auth::ANSWERS`].
 fn table() -> OpenApiRouter<AppState> {
     let router = OpenApiRouter::with_openapi(openapi::Document::openapi())
         .routes(routes!(sessions::list, sessions::create))
@@ -90,6 +91,7 @@ pub fn app(state: AppState) -> Router {
     let routed = api
         .merge(docs::routes(openapi()))
         .merge(page::routes())
+        .layer(from_fn_with_state(state.clone(), auth::authorise))
         .layer(CatchPanicLayer::custom(middleware::panicked))
         .layer(from_fn(middleware::secure))
         .with_state(state.clone());

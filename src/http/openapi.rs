@@ -3,8 +3,10 @@
 use serde_json::Value;
 use utoipa::OpenApi;
 use utoipa::openapi::path::Operation;
+use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{ContactBuilder, RefOr};
 
+use super::auth::{ANSWERS, Access};
 use super::refusals::problem;
 use crate::api::{FieldError, Problem, ProblemCode};
 
@@ -39,6 +41,8 @@ pub(super) struct Document;
 pub(super) fn complete(mut document: utoipa::openapi::OpenApi) -> utoipa::openapi::OpenApi {
     env!("CARGO_PKG_VERSION").clone_into(&mut document.info.version);
     document.info.contact = Some(ContactBuilder::new().name(Some("mapweld")).build());
+    let components = document.components.get_or_insert_default();
+    components.add_security_scheme(KEY, key_scheme());
     for item in document.paths.paths.values_mut() {
         let operations = [
             &mut item.get,
@@ -49,6 +53,7 @@ pub(super) fn complete(mut document: utoipa::openapi::OpenApi) -> utoipa::openap
         ];
         for operation in operations.into_iter().flatten() {
             any_refusal(operation);
+            key_needed(operation);
         }
     }
     without_null_defaults(document)
@@ -71,6 +76,46 @@ fn without_null_defaults(document: utoipa::openapi::OpenApi) -> utoipa::openapi:
     let mut value = serde_json::to_value(document).expect("invariant: the document serialises");
     strip(&mut value);
     serde_json::from_value(value).expect("invariant: it is still a document")
+}
+
+/// The name of the way to show a key.
+const KEY: &str = "key";
+
+fn key_scheme() -> SecurityScheme {
+    let description = "A key that `mapweld keys create` has made. Its scope is one of `admin`, `operator`, `robot` and \
+                       `read`; each operation lists those that may call it, a robot for what is its own. A server on \
+                       its own machine asks for keys as soon as one was made, any other always.";
+    let bearer = HttpBuilder::new()
+        .scheme(HttpAuthScheme::Bearer)
+        .description(Some(description));
+    SecurityScheme::Http(bearer.build())
+}
+
+/// Which keys an operation takes, and how the others are refused.
+fn key_needed(operation: &mut Operation) {
+    let id = operation.operation_id.as_deref().unwrap_or_default();
+    let row = ANSWERS.iter().find(|(name, _)| *name == id);
+    let access = row.map_or(Access::Administer, |(_, access)| *access);
+    if access == Access::Open {
+        operation.security = Some(Vec::new());
+        return;
+    }
+    operation.security = Some(vec![SecurityRequirement::new(KEY, access.scopes().iter().copied())]);
+    for code in [
+        ProblemCode::Unauthorized,
+        ProblemCode::Forbidden,
+        ProblemCode::RateLimited,
+    ] {
+        let status = code.status().to_string();
+        let told = format!("`{}`: {}.", code.as_str(), code.title());
+        let responses = &mut operation.responses.responses;
+        match responses.get_mut(&status) {
+            Some(RefOr::T(response)) => response.description = format!("{} {told}", response.description),
+            _ => {
+                responses.insert(status, RefOr::T(problem(&told)));
+            }
+        }
+    }
 }
 
 fn any_refusal(operation: &mut Operation) {

@@ -64,8 +64,7 @@ refusals! {
 fn documented(codes: &[ProblemCode]) -> BTreeMap<String, RefOr<Response>> {
     let mut by_status = BTreeMap::<u16, Vec<String>>::new();
     for code in codes {
-        let name = serde_json::to_string(code).expect("invariant: a code serialises");
-        let sentence = format!("`{}`: {}.", name.trim_matches('"'), code.title());
+        let sentence = format!("`{}`: {}.", code.as_str(), code.title());
         by_status.entry(code.status()).or_default().push(sentence);
     }
     by_status

@@ -24,7 +24,7 @@ impl From<StoreError> for ApiError {
                 FieldError::new("queue", format!("{queued} jobs wait"), format!("at most {limit}")),
             ),
             StoreError::Unavailable(_) => Self::storage(text),
-            StoreError::NotFound(Missing::Blob(_))
+            StoreError::NotFound(Missing::Blob(_) | Missing::Key(_))
             | StoreError::LeaseLost(_)
             | StoreError::InUse { .. }
             | StoreError::Damaged(_) => Self::internal(text),

@@ -7,6 +7,7 @@ use std::time::Duration;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
+use super::auth::{Answers, Gate, RateLimit};
 use super::error::{ApiError, ApiResult};
 use crate::clock::{Clock, Ids};
 use crate::codec::Limits;
@@ -30,6 +31,8 @@ pub struct Inner {
     pub(super) clock: Arc<dyn Clock>,
     /// New ids.
     pub(super) ids: Arc<dyn Ids>,
+    /// Who may do what.
+    pub(super) gate: Gate,
     /// What is taken in.
     pub(super) limits: HttpLimits,
     /// Whether a map makes its session.
@@ -75,7 +78,10 @@ impl AppState {
     /// The state of a server with these settings.
     #[must_use]
     pub fn new(rooms: Rooms, config: &ServeConfig) -> Self {
+        let rate = RateLimit::new(config.limits.key_rate, config.limits.key_burst);
+        let answers = Answers::of(&super::openapi());
         Self(Arc::new(Inner {
+            gate: Gate::new(answers, rate, config.insecure, config.is_beyond_loopback()),
             store: rooms.store,
             blobs: rooms.blobs,
             pool: rooms.compute,

@@ -24,7 +24,7 @@ pub(super) fn add_suffixed(
 ) -> OpenApiRouter<AppState> {
     let mut router = router;
     for path in paths.paths.keys() {
-        let inside = split(path).expect("invariant: the table names a suffix that is listed here");
+        let inside = inside(path).expect("invariant: the table names a suffix that is listed here");
         router = router.route(&inside, methods.clone());
     }
     // documents the path in its outer form; the empty method router takes no request
@@ -41,7 +41,7 @@ pub(super) fn rewrite(mut request: Request) -> Request {
     let inside = if path.contains("/~") {
         Some("/~".to_owned())
     } else {
-        split(path)
+        inside(path)
     };
     if let Some(mut inside) = inside {
         if let Some(query) = request.uri().query() {
@@ -57,7 +57,8 @@ pub(super) fn rewrite(mut request: Request) -> Request {
     request
 }
 
-fn split(path: &str) -> Option<String> {
+/// The inner form of a path; `None` when it has no suffix.
+pub(super) fn inside(path: &str) -> Option<String> {
     let (before, last) = path.rsplit_once('/')?;
     let (_, parent) = before.rsplit_once('/')?;
     SUFFIXES

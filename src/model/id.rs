@@ -138,6 +138,11 @@ uuid_id!(
     ConstraintId,
     "constraint"
 );
+uuid_id!(
+    /// One API key: a `UUIDv7`. No secret: it names the key in lists and logs.
+    KeyId,
+    "key"
+);
 
 /// The number of a version within its session: 1, 2, 3 ... without gaps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, ToSchema)]

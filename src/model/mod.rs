@@ -7,6 +7,7 @@ mod constraint;
 mod digest;
 mod id;
 mod job;
+mod key;
 mod map;
 mod pose;
 mod session;
@@ -16,8 +17,9 @@ mod version;
 
 pub use constraint::{Apart, Constraint, Fixed, Guess, Hypothesis, Rule};
 pub use digest::{BlobKey, Digest};
-pub use id::{ConstraintId, JobId, MapId, RobotId, SessionId, VersionNumber};
+pub use id::{ConstraintId, JobId, KeyId, MapId, RobotId, SessionId, VersionNumber};
 pub use job::{Job, JobError, JobKind, JobState, MergeRequest, StageSeconds};
+pub use key::{ApiKey, KeyName, Scope, ShownKey, Standing};
 pub use map::{MapRecord, NewMap, RobotSummary};
 pub use pose::Pose;
 pub use session::{Labels, Resolution, Session, SessionPatch, SessionSettings, Title};

@@ -1,6 +1,6 @@
 //! Why the store did not do what it was asked.
 
-use crate::model::{BlobKey, Clash, ConstraintId, JobId, MapId, SessionId, VersionSelector};
+use crate::model::{BlobKey, Clash, ConstraintId, JobId, KeyId, MapId, SessionId, VersionSelector};
 
 /// Why the store did not do what it was asked.
 #[derive(Debug, thiserror::Error)]
@@ -70,6 +70,9 @@ pub enum Missing {
     /// No such blob.
     #[error("blob {0}")]
     Blob(BlobKey),
+    /// No such key.
+    #[error("key {0}")]
+    Key(KeyId),
 }
 
 /// Which bound of the queue was met.

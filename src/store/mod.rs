@@ -15,6 +15,7 @@
 
 mod blobs;
 mod error;
+mod keys;
 mod postgres;
 mod rows;
 mod s3;
@@ -24,6 +25,7 @@ use std::time::Duration;
 
 pub use blobs::Blobs;
 pub use error::{Missing, QueueScope, StoreError};
+pub use keys::KeyStore;
 pub use postgres::PostgresStore;
 pub use sqlite::SqliteStore;
 
@@ -40,7 +42,7 @@ use crate::model::{
 /// Where records and the queue are kept. Every back end passes the same contract suite
 /// (`tests/service/store_contract.rs`).
 #[async_trait]
-pub trait Store: Send + Sync {
+pub trait Store: KeyStore {
     // Sessions
 
     /// Makes a session. When it is there already with the settings that are asked for, it is answered as it stands.

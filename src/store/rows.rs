@@ -13,8 +13,8 @@ use sqlx::{Decode, Postgres, Row, Sqlite, Type};
 use crate::geometry::Pose2;
 use crate::grid::{Lattice, StateCounts};
 use crate::model::{
-    Author, BlobKey, Constraint, Job, JobId, JobState, MapRecord, NewMap, Note, ResultText, Session, SessionId,
-    SessionSettings, Timestamp, Version, VersionInput,
+    ApiKey, Author, BlobKey, Constraint, Job, JobId, JobState, MapRecord, NewMap, Note, ResultText, Scope, Session,
+    SessionId, SessionSettings, Timestamp, Version, VersionInput,
 };
 use crate::store::{Lease, StoreError};
 
@@ -121,6 +121,23 @@ pub(super) fn constraint(row: &impl StoredRow) -> Result<Constraint, StoreError>
         author: optional(row, "author", |text: String| Author::parse(&text))?,
         note: optional(row, "note", |text: String| Note::parse(&text))?,
         created_at: time(row, "created_at")?,
+    })
+}
+
+pub(super) fn key(row: &impl StoredRow) -> Result<ApiKey, StoreError> {
+    let scope = Scope::parse(
+        &value::<String>(row, "scope")?,
+        optional_parsed(row, "session")?,
+        optional_parsed(row, "robot")?,
+    );
+    Ok(ApiKey {
+        id: parsed(row, "id")?,
+        name: parsed(row, "name")?,
+        scope: scope.map_err(|error| damaged("scope", error))?,
+        digest: parsed(row, "digest")?,
+        created_at: time(row, "created_at")?,
+        expires_at: optional(row, "expires_at", Timestamp::from_microsecond)?,
+        revoked_at: optional(row, "revoked_at", Timestamp::from_microsecond)?,
     })
 }
 

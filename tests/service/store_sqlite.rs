@@ -1,11 +1,12 @@
 //! SQLite keeps the contract, and what only SQLite promises.
 
 use bytes::Bytes;
-use mapweld::store::{Blobs, QueueLimits, SqliteStore, Store, StoreError};
+use mapweld::model::Scope;
+use mapweld::store::{Blobs, KeyStore as _, QueueLimits, SqliteStore, Store, StoreError};
 use tempfile::TempDir;
 
 use crate::store_contract::prelude::{at, session, upload};
-use crate::store_contract::{LEASE, LIMITS, contract};
+use crate::store_contract::{LEASE, LIMITS, contract, new_key};
 
 async fn fresh() -> Option<(SqliteStore, TempDir)> {
     let folder = tempfile::tempdir().expect("a folder");
@@ -23,6 +24,24 @@ async fn a_second_opener_is_refused_by_the_lock_file() {
         Err(StoreError::InUse { path }) => assert!(path.ends_with("mapweld.lock"), "{path}"),
         other => panic!("refused, but the answer was {other:?}"),
     }
+}
+
+#[tokio::test]
+async fn a_command_beside_a_server_changes_what_the_server_reads_and_takes_no_lock() {
+    let (server, folder) = fresh().await.expect("opens");
+    let (_, key) = new_key(Scope::Read, at(0));
+    let beside = SqliteStore::open_file_beside(&folder.path().join("mapweld.sqlite"))
+        .await
+        .expect("opens");
+    beside.add_key(&key).await.expect("is kept");
+    assert_eq!(server.find_key(key.id).await.expect("answers"), Some(key.clone()));
+    drop(server);
+    let server = SqliteStore::open(folder.path(), LIMITS)
+        .await
+        .expect("opens beside the command");
+    server.revoke_key(key.id, at(1)).await.expect("is revoked");
+    let revoked = beside.find_key(key.id).await.expect("answers").expect("is there");
+    assert_eq!(revoked.revoked_at, Some(at(1)));
 }
 
 #[tokio::test]

@@ -6,6 +6,7 @@
 
 mod constraints;
 mod jobs;
+mod keys;
 mod maps;
 mod news;
 mod pool;

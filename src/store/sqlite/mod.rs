@@ -5,16 +5,18 @@
 
 mod constraints;
 mod jobs;
+mod keys;
 mod maps;
 mod queue;
 mod sessions;
 mod versions;
 
 use std::fs::{File, TryLockError};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use async_trait::async_trait;
+use sqlx::migrate::Migrator;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{Sqlite, SqlitePool, Transaction};
 use tokio::sync::broadcast;
@@ -38,8 +40,8 @@ pub struct SqliteStore {
     readers: SqlitePool,
     limits: QueueLimits,
     changes: broadcast::Sender<Change>,
-    /// Held for as long as the store is open.
-    _lock: File,
+    /// Held for as long as a server has the store open.
+    _lock: Option<File>,
 }
 
 /// Readers beside the one writer.
@@ -48,6 +50,8 @@ const READERS: u32 = 4;
 const TURN: Duration = Duration::from_secs(10);
 /// Changes that a slow listener may lag behind before it has to read the store again.
 const CHANGES: usize = 1024;
+/// How the tables came to be.
+static MIGRATIONS: Migrator = sqlx::migrate!("migrations/sqlite");
 
 impl SqliteStore {
     /// Opens `mapweld.sqlite` in this folder.
@@ -64,9 +68,40 @@ impl SqliteStore {
     /// # Errors
     /// [`StoreError::InUse`] when another process has it open, otherwise [`StoreError::Unavailable`].
     pub async fn open_file(file: &Path, limits: QueueLimits) -> Result<Self, StoreError> {
-        let folder = file.parent().filter(|folder| *folder != Path::new(""));
-        make_folder(folder.unwrap_or(Path::new("."))).map_err(unavailable)?;
-        let lock = locked(&file.with_extension("lock"))?;
+        make_folder_of(file).map_err(unavailable)?;
+        let lock = locked(&lock_of(file))?;
+        let store = Self::connect(file, limits).await?;
+        store.migrate().await?;
+        Ok(Self {
+            _lock: Some(lock),
+            ..store
+        })
+    }
+
+    /// Opens the file for a command beside a server that may have it open. Such a command looks at records and changes
+    /// single ones; it takes no jobs.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`], also when a server of an older version has the file open: only who has it alone may
+    /// bring it up to date.
+    pub async fn open_file_beside(file: &Path) -> Result<Self, StoreError> {
+        make_folder_of(file).map_err(unavailable)?;
+        let store = Self::connect(file, QueueLimits::default()).await?;
+        match locked(&lock_of(file)) {
+            // the lock goes when the file is up to date, so that a server finds it free
+            Ok(_alone) => store.migrate().await?,
+            Err(StoreError::InUse { .. }) if store.is_up_to_date().await? => {}
+            Err(StoreError::InUse { .. }) => {
+                return Err(unavailable(
+                    "a server of another version has it open; restart the server with this version first",
+                ));
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(store)
+    }
+
+    async fn connect(file: &Path, limits: QueueLimits) -> Result<Self, StoreError> {
         let options = SqliteConnectOptions::new()
             .filename(file)
             .create_if_missing(true)
@@ -76,10 +111,6 @@ impl SqliteStore {
             .busy_timeout(TURN);
         let pool = |size| SqlitePoolOptions::new().max_connections(size).acquire_timeout(TURN);
         let writer = pool(1).connect_with(options.clone()).await.failed()?;
-        sqlx::migrate!("migrations/sqlite")
-            .run(&writer)
-            .await
-            .map_err(unavailable)?;
         let readers = pool(READERS)
             .connect_with(options.pragma("query_only", "ON"))
             .await
@@ -89,8 +120,22 @@ impl SqliteStore {
             readers,
             limits,
             changes: broadcast::Sender::new(CHANGES),
-            _lock: lock,
+            _lock: None,
         })
+    }
+
+    async fn migrate(&self) -> Result<(), StoreError> {
+        MIGRATIONS.run(&self.writer).await.map_err(unavailable)
+    }
+
+    /// Whether the newest of our migrations has been applied.
+    async fn is_up_to_date(&self) -> Result<bool, StoreError> {
+        let newest = MIGRATIONS.iter().map(|migration| migration.version).max();
+        let applied: Result<Option<i64>, _> =
+            sqlx::query_scalar("SELECT MAX(version) FROM _sqlx_migrations WHERE success")
+                .fetch_one(&self.readers)
+                .await;
+        Ok(applied.failed()? == newest)
     }
 
     async fn begin(&self) -> Result<Transaction<'static, Sqlite>, StoreError> {
@@ -110,6 +155,16 @@ impl SqliteStore {
         self.announce(Change::Job(written.session, written.id, written.state));
         written.state
     }
+}
+
+/// The lock file of whoever serves this file.
+fn lock_of(file: &Path) -> PathBuf {
+    file.with_extension("lock")
+}
+
+fn make_folder_of(file: &Path) -> std::io::Result<()> {
+    let folder = file.parent().filter(|folder| *folder != Path::new(""));
+    make_folder(folder.unwrap_or(Path::new(".")))
 }
 
 /// A folder is as durable as its entry in the folder above, where that can be looked at.

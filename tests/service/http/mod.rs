@@ -1,10 +1,12 @@
 //! Servers that are spawned as a process and driven over HTTP.
 
+mod access;
 mod command;
 mod demo_command;
 mod errors;
 mod events;
 mod jobs;
+mod keys_command;
 mod lifecycle;
 mod merge_command;
 mod one_shot;

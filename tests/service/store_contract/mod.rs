@@ -4,6 +4,7 @@
 
 mod constraints;
 mod endings;
+mod keys;
 mod leases;
 mod looking;
 mod maps;
@@ -17,6 +18,7 @@ use mapweld::store::{QueueLimits, Store};
 
 pub(crate) use constraints::*;
 pub(crate) use endings::*;
+pub(crate) use keys::*;
 pub(crate) use leases::*;
 pub(crate) use looking::*;
 pub(crate) use maps::*;
@@ -80,6 +82,11 @@ macro_rules! contract {
             a_cancelled_runner_ends_as_cancelled_however_it_leaves,
             a_job_whose_worker_was_lost_after_a_cancel_is_cancelled_not_run_again,
             an_ended_job_stays_as_it_is,
+            a_key_is_found_by_its_id_as_it_was_made,
+            a_key_that_is_not_there_is_not_found_and_not_revoked,
+            keys_are_listed_oldest_first_page_after_page,
+            a_revoked_key_is_kept_and_stays_revoked_since_the_first_time,
+            a_store_has_keys_from_the_first_one_on_also_when_all_are_revoked,
             jobs_are_listed_newest_first,
             the_depth_of_the_queue_counts_waiting_and_running_jobs,
             a_constraint_stands_until_it_is_removed,
