@@ -62,8 +62,9 @@
 //! everything <- cli <- main
 //! ```
 //!
-//! Beside them, small rooms: [`clock`] (time and ids, handed in), `compute` (the bounded pool for heavy work), `config`,
-//! `failpoint` (where tests of debug builds have a server die), `telemetry`, and `web` (the embedded page).
+//! Beside them, small rooms: [`clock`] (time and ids, handed in), [`random`] (chance from a seed), `compute` (the bounded
+//! pool for heavy work), `config`, `failpoint` (where tests of debug builds have a server die), `telemetry`, and `web` (the
+//! embedded page).
 //!
 //! The service has two homes behind one door, [`store::Store`] with [`store::Blobs`], chosen at run time: SQLite and a
 //! folder, for one process; PostgreSQL and a place that all see, for any number of equal replicas.
@@ -106,6 +107,7 @@ pub mod grid;
 #[cfg(feature = "server")]
 pub mod http;
 pub mod model;
+pub mod random;
 pub mod registration;
 pub mod simulation;
 #[cfg(feature = "server")]

@@ -8,10 +8,11 @@ use std::path::{Path, PathBuf};
 const ARROWS: &[(&str, &[&str])] = &[
     ("geometry", &[]),
     ("grid", &["geometry"]),
-    ("registration", &["geometry", "grid"]),
+    ("random", &[]),
+    ("registration", &["geometry", "grid", "random"]),
     ("fusion", &["geometry", "grid", "registration"]),
     ("codec", &["geometry", "grid"]),
-    ("simulation", &["geometry", "grid"]),
+    ("simulation", &["geometry", "grid", "random"]),
     ("model", &["geometry", "grid", "registration"]),
     ("api", &["geometry", "grid", "registration", "fusion", "codec", "model"]),
     ("client", &["geometry", "grid", "codec", "model", "api"]),
@@ -68,6 +69,7 @@ const OPEN: &[&str] = &["cli", "main", "lib"];
 const PURE: &[&str] = &[
     "geometry",
     "grid",
+    "random",
     "registration",
     "fusion",
     "codec",

@@ -1,7 +1,7 @@
 //! Registration: the pose of one map in the frame of another, or why it cannot be known.
 //!
-//! Imports `geometry` and `grid`. Pure: no clock, randomness, files or logging; time and the wish to stop come in
-//! through [`Control`].
+//! Imports `geometry`, `grid` and `random`. Pure: no clock, files or logging, and no chance but from a seed among a method's
+//! parameters; time and the wish to stop come in through [`Control`].
 
 mod control;
 pub mod methods;

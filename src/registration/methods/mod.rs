@@ -7,14 +7,20 @@ pub mod fourier_hough;
 pub mod hough;
 pub mod hough_peaks;
 pub mod hough_spectrum;
+pub mod map_segmentation;
 mod parameter;
+pub mod random_walk;
+pub mod ransac;
 pub(crate) mod shared;
 mod spec;
 
 pub use fourier_hough::{FourierHough, FourierHoughParams};
 pub use hough_peaks::{HoughPeaks, HoughPeaksParams};
 pub use hough_spectrum::{HoughSpectrum, HoughSpectrumParams};
+pub use map_segmentation::{MapSegmentation, MapSegmentationParams};
 pub use parameter::ParameterError;
+pub use random_walk::{RandomWalk, RandomWalkParams};
+pub use ransac::{Ransac, RansacParams};
 pub use spec::{MethodError, MethodSpec};
 
 use std::fmt;
@@ -70,11 +76,25 @@ pub enum MethodName {
     HoughSpectrum,
     /// Phase correlation of the Hough images for the rotation, Fourier correlation of the maps for the translation.
     FourierHough,
+    /// Birk and Carpin's adaptive random walk over the similarity of the maps.
+    RandomWalk,
+    /// Thin lines of both maps, segments filtered by histograms and matched by cross-correlation.
+    MapSegmentation,
+    /// Peaks of the Hough images matched by random sample consensus.
+    Ransac,
 }
 
 impl MethodName {
     /// All methods, the default first.
-    pub const ALL: [Self; 4] = [Self::Hough, Self::HoughPeaks, Self::HoughSpectrum, Self::FourierHough];
+    pub const ALL: [Self; 7] = [
+        Self::Hough,
+        Self::HoughPeaks,
+        Self::HoughSpectrum,
+        Self::FourierHough,
+        Self::RandomWalk,
+        Self::MapSegmentation,
+        Self::Ransac,
+    ];
 
     /// As in `--method`.
     #[must_use]
@@ -84,6 +104,9 @@ impl MethodName {
             Self::HoughPeaks => "hough-peaks",
             Self::HoughSpectrum => "hough-spectrum",
             Self::FourierHough => "fourier-hough",
+            Self::RandomWalk => "random-walk",
+            Self::MapSegmentation => "map-segmentation",
+            Self::Ransac => "ransac",
         }
     }
 }

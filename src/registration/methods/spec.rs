@@ -10,8 +10,8 @@ use utoipa::{PartialSchema, ToSchema};
 use super::hough::{Hough, HoughParameters, HoughParametersError};
 use super::parameter::{self, ParameterError};
 use super::{
-    FourierHough, FourierHoughParams, HoughPeaks, HoughPeaksParams, HoughSpectrum, HoughSpectrumParams, Method,
-    MethodName,
+    FourierHough, FourierHoughParams, HoughPeaks, HoughPeaksParams, HoughSpectrum, HoughSpectrumParams,
+    MapSegmentation, MapSegmentationParams, Method, MethodName, RandomWalk, RandomWalkParams, Ransac, RansacParams,
 };
 
 /// A method with parameters that were checked: `{"name": "hough-peaks", "parameters": {"v_gate": 12}}`.
@@ -39,6 +39,9 @@ enum Choice {
     HoughPeaks(HoughPeaksParams),
     HoughSpectrum(HoughSpectrumParams),
     FourierHough(FourierHoughParams),
+    RandomWalk(RandomWalkParams),
+    MapSegmentation(MapSegmentationParams),
+    Ransac(RansacParams),
 }
 
 /// How a [`MethodSpec`] is written.
@@ -104,6 +107,15 @@ impl MethodSpec {
             MethodName::FourierHough => Choice::FourierHough(
                 parameter::parse_checked(parameters, FourierHoughParams::validate).map_err(in_method)?,
             ),
+            MethodName::RandomWalk => {
+                Choice::RandomWalk(parameter::parse_checked(parameters, RandomWalkParams::validate).map_err(in_method)?)
+            }
+            MethodName::MapSegmentation => Choice::MapSegmentation(
+                parameter::parse_checked(parameters, MapSegmentationParams::validate).map_err(in_method)?,
+            ),
+            MethodName::Ransac => {
+                Choice::Ransac(parameter::parse_checked(parameters, RansacParams::validate).map_err(in_method)?)
+            }
         };
         Ok(Self { choice })
     }
@@ -125,6 +137,9 @@ impl MethodSpec {
             Choice::HoughPeaks(_) => MethodName::HoughPeaks,
             Choice::HoughSpectrum(_) => MethodName::HoughSpectrum,
             Choice::FourierHough(_) => MethodName::FourierHough,
+            Choice::RandomWalk(_) => MethodName::RandomWalk,
+            Choice::MapSegmentation(_) => MethodName::MapSegmentation,
+            Choice::Ransac(_) => MethodName::Ransac,
         }
     }
 
@@ -139,6 +154,9 @@ impl MethodSpec {
             Choice::HoughPeaks(params) => serde_json::to_value(params),
             Choice::HoughSpectrum(params) => serde_json::to_value(params),
             Choice::FourierHough(params) => serde_json::to_value(params),
+            Choice::RandomWalk(params) => serde_json::to_value(params),
+            Choice::MapSegmentation(params) => serde_json::to_value(params),
+            Choice::Ransac(params) => serde_json::to_value(params),
         };
         object.expect("invariant: parameters are numbers and names")
     }
@@ -155,6 +173,9 @@ impl MethodSpec {
             Choice::HoughPeaks(params) => Arc::new(HoughPeaks::new(params.clone()).expect(CHECKED)),
             Choice::HoughSpectrum(params) => Arc::new(HoughSpectrum::new(params.clone()).expect(CHECKED)),
             Choice::FourierHough(params) => Arc::new(FourierHough::new(params.clone()).expect(CHECKED)),
+            Choice::RandomWalk(params) => Arc::new(RandomWalk::new(params.clone()).expect(CHECKED)),
+            Choice::MapSegmentation(params) => Arc::new(MapSegmentation::new(params.clone()).expect(CHECKED)),
+            Choice::Ransac(params) => Arc::new(Ransac::new(params.clone()).expect(CHECKED)),
         }
     }
 }

@@ -8,7 +8,7 @@
 //!
 //! **Method.** Of each map alone the magnitudes of its Hough columns' spectra, of a pair under these stage names:
 //!
-//! 1. `rotation`: one-dimensional phase correlation of the Hough images along theta (`rotation`);
+//! 1. `rotation`: one-dimensional phase correlation of the Hough images along theta (`shared::magnitudes`);
 //! 2. `translation`: the moving map rotated, and the two-dimensional correlation of both maps' occupied cells by Fourier
 //!    transforms, for the rotation and its half turn; its maximum is the translation (`shared::plane`);
 //! 3. `verification`: the hypothesis of the greatest V is the answer when V reaches the threshold (eq. 33 and 34).
@@ -27,7 +27,6 @@
 //! period 180 degrees, so the half turn is tried as well. The verification is that of all methods here; the sources have none.
 
 mod params;
-mod rotation;
 
 pub use params::{FourierCorrelation, FourierHoughParams};
 
@@ -37,13 +36,13 @@ use crate::geometry::{Angle, Point, Pose2};
 use crate::grid::OccupancyGrid;
 use crate::registration::methods::hough::fft::Planner;
 use crate::registration::methods::shared::hough_image::{Directions, HoughImage};
+use crate::registration::methods::shared::magnitudes::{Magnitudes, rotations};
 use crate::registration::methods::shared::map::{Map, Prepared};
 use crate::registration::methods::shared::plane::{Plane, best_shifts};
 use crate::registration::methods::shared::search::{Found, Order, Question, Stages, register};
 use crate::registration::methods::{Method, MethodName, ParameterError};
 use crate::registration::overlap::StateMap;
 use crate::registration::{Control, MapFeatures, Reason, Registration};
-use rotation::{Magnitudes, rotations};
 
 /// The Fourier-Hough method with checked parameters.
 pub struct FourierHough {

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::sync::OnceLock;
 
 use super::hough_image::{WallPoints, to_f64};
-use crate::geometry::Pose2;
+use crate::geometry::{Point, Pose2};
 use crate::grid::{CellState, Lattice};
 use crate::registration::overlap::StateMap;
 
@@ -14,6 +14,14 @@ pub(crate) struct Map {
     pub(crate) states: StateMap,
     pub(crate) points: WallPoints,
     scatter: OnceLock<Vec<[f32; 3]>>,
+    moments: OnceLock<Moments>,
+}
+
+/// Where the occupied cells lie on the average, and how far from there: metres and square metres in the map's frame.
+#[derive(Debug, Clone, Copy)]
+struct Moments {
+    mean: Point,
+    spread: f64,
 }
 
 /// What a method computes of one map alone, and can compute again of the map in larger cells.
@@ -43,6 +51,7 @@ impl Map {
             points: WallPoints::new(&states),
             states,
             scatter: OnceLock::new(),
+            moments: OnceLock::new(),
         }
     }
 
@@ -65,6 +74,16 @@ impl Map {
 
     /// RMS distance in metres between the map's occupied cells under two poses.
     pub(crate) fn distance_between(&self, one: Pose2, other: Pose2) -> f64 {
+        let Moments { mean, spread } = *self.moments.get_or_init(|| self.moments());
+        // about their mean the cells are apart by the chord of the turn, and all by the distance of the mean
+        let (here, there) = (one.apply(mean), other.apply(mean));
+        let chord = 2.0 * ((one.yaw() - other.yaw()).radians() / 2.0).sin();
+        ((here[0] - there[0]).powi(2) + (here[1] - there[1]).powi(2) + chord * chord * spread).sqrt()
+    }
+}
+
+impl Map {
+    fn moments(&self) -> Moments {
         let points = &self.points;
         let count = to_f64(points.len().max(1));
         let (mut mean, mut square) = ([0.0; 2], 0.0);
@@ -72,12 +91,10 @@ impl Map {
             mean = [mean[0] + x / count, mean[1] + y / count];
             square += (x * x + y * y) / count;
         }
-        // about their mean the cells are apart by the chord of the turn, and all by the distance of the mean
-        let spread = (square - mean[0] * mean[0] - mean[1] * mean[1]).max(0.0) * self.cell().powi(2);
-        let middle = [0, 1].map(|k| (points.center[k] + mean[k]) * self.cell());
-        let (here, there) = (one.apply(middle), other.apply(middle));
-        let chord = 2.0 * ((one.yaw() - other.yaw()).radians() / 2.0).sin();
-        ((here[0] - there[0]).powi(2) + (here[1] - there[1]).powi(2) + chord * chord * spread).sqrt()
+        Moments {
+            mean: [0, 1].map(|k| (points.center[k] + mean[k]) * self.cell()),
+            spread: (square - mean[0] * mean[0] - mean[1] * mean[1]).max(0.0) * self.cell().powi(2),
+        }
     }
 }
 

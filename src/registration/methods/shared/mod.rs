@@ -7,6 +7,7 @@
 pub(crate) mod contract;
 pub(crate) mod correlation;
 pub(crate) mod hough_image;
+pub(crate) mod magnitudes;
 pub(crate) mod map;
 pub(crate) mod peaks;
 pub(crate) mod plane;

@@ -30,7 +30,7 @@ pub(crate) struct Question<'a, P> {
 pub(crate) enum Order {
     /// The one that the caller moves.
     AsGiven,
-    /// The one of less structure: an inverse pair then has the inverse answer.
+    /// The one of less structure: an inverse pair then has the inverse answer, unless the maps are equal to the cell.
     ByStructure,
 }
 

@@ -42,7 +42,7 @@ pub(crate) fn assert_stops_wherever_it_looks(
     assert!(looks > names.len(), "it looks before the first stage and after each");
     let mut ended_after = vec![false; names.len() + 1];
     // every look of a short run, and a sample of a long one's
-    for at in (0..looks).step_by(looks.div_ceil(40)).chain([looks - 1]) {
+    for at in (0..looks).step_by(looks.div_ceil(16)).chain([looks - 1]) {
         for (stop, reason) in [(Stop::Deadline, Reason::Deadline), (Stop::Cancelled, Reason::Cancelled)] {
             let (answer, _) = run(at, stop);
             assert!(

@@ -1,4 +1,4 @@
-//! Rotation by a one-dimensional phase correlation of the Hough images.
+//! Rotation by a one-dimensional phase correlation of the Hough images, and what of them no motion changes.
 //!
 //! **Method.** A translation shifts each column of a Hough image (Property 1), which changes the phases of its Fourier
 //! transform along rho and not the magnitudes.
@@ -23,7 +23,7 @@ use crate::registration::methods::shared::hough_image::{COLUMNS, HoughImage, to_
 
 /// A(theta, f) of one map at the frequencies `k / length`, k = 1, 2, ..., up to the highest that is used.
 #[derive(Debug, Clone)]
-pub(super) struct Magnitudes {
+pub(crate) struct Magnitudes {
     /// Cells of the transforms, a power of two.
     length: usize,
     /// A row a frequency, from k = 1 on; 180 columns each.
@@ -31,8 +31,14 @@ pub(super) struct Magnitudes {
 }
 
 impl Magnitudes {
-    pub(super) fn new(image: &HoughImage, frequency_max: f64) -> Self {
-        let length = image.bins().next_power_of_two();
+    pub(crate) fn new(image: &HoughImage, frequency_max: f64) -> Self {
+        Self::of_length(image, frequency_max, image.bins().next_power_of_two())
+    }
+
+    /// With transforms of this length, a power of two and no shorter than the columns: those of several images then have the
+    /// same frequencies.
+    pub(crate) fn of_length(image: &HoughImage, frequency_max: f64, length: usize) -> Self {
+        debug_assert!(length.is_power_of_two() && length >= image.bins());
         let fft = FftPlanner::new().plan_fft_forward(length);
         let columns: Vec<&[u32]> = image.columns().collect();
         let spectra: Vec<Vec<f64>> = columns
@@ -51,14 +57,38 @@ impl Magnitudes {
         Self { length, rows }
     }
 
+    /// The magnitudes of the transforms along theta too, at `u = 1..=harmonics` for each frequency, each frequency's of length 1:
+    /// what no motion of the map changes.
+    pub(crate) fn invariants(&self, harmonics: usize) -> Vec<f32> {
+        let fft = FftPlanner::new().plan_fft_forward(COLUMNS);
+        let mut out = Vec::with_capacity(self.rows.len() * harmonics);
+        for row in &self.rows {
+            let mut data: Vec<Complex64> = row.iter().copied().map(Complex64::from).collect();
+            fft.process(&mut data);
+            let magnitudes: Vec<f64> = data[1..=harmonics].iter().map(|value| value.norm()).collect();
+            let length = magnitudes.iter().map(|value| value * value).sum::<f64>().sqrt();
+            out.extend(
+                magnitudes
+                    .iter()
+                    .map(|value| if length > 0.0 { narrow(value / length) } else { 0.0 }),
+            );
+        }
+        out
+    }
+
     /// The row of the frequency `k / length`, whose length may be shorter than that of these rows.
     fn at(&self, k: usize, length: usize) -> Option<&[f64]> {
         self.rows.get(k * (self.length / length) - 1).map(Vec::as_slice)
     }
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "within [0, 1]")]
+fn narrow(value: f64) -> f32 {
+    value as f32
+}
+
 /// The candidate rotations of the moving map in (-90, 90] degrees, the best first.
-pub(super) fn rotations(fixed: &Magnitudes, moving: &Magnitudes, apart: f64, most: usize) -> Vec<Angle> {
+pub(crate) fn rotations(fixed: &Magnitudes, moving: &Magnitudes, apart: f64, most: usize) -> Vec<Angle> {
     let length = fixed.length.min(moving.length);
     let mut planner = FftPlanner::new();
     let (forward, inverse) = (planner.plan_fft_forward(COLUMNS), planner.plan_fft_inverse(COLUMNS));
@@ -127,6 +157,23 @@ mod tests {
             let error = found.radians() - turn.to_radians();
             prop_assert!(error.sin().abs() < 1.0_f64.to_radians(), "{} instead of {turn}", found.degrees());
         }
+    }
+
+    #[test]
+    fn no_motion_changes_the_invariants() {
+        let pose = Pose2::new(40.0, -70.0, Angle::from_degrees(53.0));
+        let moved: Vec<Point> = walls().iter().map(|p| pose.apply(*p)).collect();
+        let other: Vec<Point> = walls().iter().filter(|p| p[1] > 20.0).copied().collect();
+        let directions = Directions::half_turn_of_rotated(Angle::ZERO);
+        let of = |points: &[Point]| {
+            let image = HoughImage::new(&WallPoints::about_center(points), directions, 1);
+            Magnitudes::of_length(&image, 0.05, 512).invariants(16)
+        };
+        let alike = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
+        let (here, there, elsewhere) = (of(&walls()), of(&moved), of(&other));
+        let most = alike(&here, &here);
+        assert!(alike(&here, &there) > 0.95 * most);
+        assert!(alike(&here, &elsewhere) < alike(&here, &there));
     }
 
     #[test]

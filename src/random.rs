@@ -1,4 +1,4 @@
-//! Seeded random numbers: the only source of chance in a simulation.
+//! Seeded random numbers: the only source of chance in a simulation, and in the registration methods that draw lots.
 
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
