@@ -38,6 +38,12 @@ impl RunControl {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
+    /// What time it is, for records.
+    #[must_use]
+    pub fn wall_clock(&self) -> jiff::Timestamp {
+        self.clock.now()
+    }
+
     /// Asks the computation to end when the answer is dropped: when nobody waits for it any more.
     #[must_use]
     pub fn cancel_on_drop(&self) -> CancelOnDrop {

@@ -132,6 +132,8 @@ problem_codes! {
     MalformedJson = 400, "The body is not JSON";
     /// The body is no multipart/form-data, or its parts do not belong together.
     MalformedMultipart = 400, "The multipart body is malformed";
+    /// The body is not the one whose digest the request tells: it was changed or cut on its way.
+    DigestMismatch = 400, "The body does not have its digest";
     /// The query has an unknown, missing or unreadable parameter.
     InvalidQuery = 400, "The query is not understood";
     /// A part of the path has not the form that it must have.
@@ -168,6 +170,8 @@ problem_codes! {
     MapTooLarge = 413, "The map is too large";
     /// The media type of the body is not one that this path takes.
     UnsupportedMediaType = 415, "The media type is not supported";
+    /// The file ends before the part that is asked for.
+    RangeNotSatisfiable = 416, "The range lies outside of the file";
     /// A value is not allowed.
     InvalidRequest = 422, "The request has a value that is not allowed";
     /// The upload cannot be read as a map.

@@ -1,6 +1,8 @@
 //! Sessions and their robots on the wire. A session is made with [`SessionSettings`](crate::model::SessionSettings)
 //! and changed with a [`SessionPatch`](crate::model::SessionPatch).
 
+use std::num::NonZeroU32;
+
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -23,6 +25,10 @@ pub struct Session {
     pub method: MethodSpec,
     /// Resolution of the fused map in metres a cell; `null`: as the anchor's map.
     pub resolution: Option<Resolution>,
+    /// How many versions are kept; `null`: as many as the server keeps.
+    #[schema(value_type = Option<u32>, minimum = 1)]
+    #[serde(default)]
+    pub keep_versions: Option<NonZeroU32>,
     /// When it was made.
     pub created_at: Timestamp,
     /// When its settings last changed.
@@ -40,6 +46,7 @@ impl From<crate::model::Session> for Session {
             auto_merge: settings.auto_merge,
             method: settings.method,
             resolution: settings.resolution,
+            keep_versions: settings.keep_versions,
             created_at: session.created_at,
             updated_at: session.updated_at,
         }

@@ -2,14 +2,19 @@
 //! May import everything.
 //!
 //! Exit codes, the same for every subcommand: 0 done; 1 something failed that is not the caller's fault; 2 bad input,
-//! from an unknown option to a map that cannot be decoded; 3 done, but some maps were not placed.
+//! from an unknown option to a map that cannot be decoded; 3 done, but some maps were not placed; 4 done, but something that was kept is
+//! damaged or lost.
 
+#[cfg(feature = "server")]
+mod backup;
 #[cfg(all(feature = "client", feature = "server"))]
 mod demo;
 mod evaluate;
 mod evaluate_sets;
 mod failure;
 pub mod files;
+#[cfg(feature = "server")]
+mod fsck;
 #[cfg(feature = "server")]
 mod home;
 #[cfg(feature = "server")]
@@ -61,6 +66,10 @@ enum Command {
     #[cfg(feature = "server")]
     Keys(keys::Keys),
     #[cfg(feature = "server")]
+    Backup(backup::Backup),
+    #[cfg(feature = "server")]
+    Fsck(fsck::Fsck),
+    #[cfg(feature = "server")]
     #[command(name = "openapi")]
     OpenApi(openapi::OpenApi),
 }
@@ -72,6 +81,8 @@ pub enum Done {
     Entirely,
     /// The work was done, and some maps have no place in the result.
     SomeNotPlaced,
+    /// The work was done, and something that was kept is damaged or lost.
+    Damaged,
 }
 
 impl From<Done> for ExitCode {
@@ -79,6 +90,7 @@ impl From<Done> for ExitCode {
         match done {
             Done::Entirely => Self::SUCCESS,
             Done::SomeNotPlaced => Self::from(3),
+            Done::Damaged => Self::from(4),
         }
     }
 }
@@ -118,6 +130,10 @@ impl Command {
             Self::Serve(serve) => serve.run(),
             #[cfg(feature = "server")]
             Self::Keys(keys) => keys.run(),
+            #[cfg(feature = "server")]
+            Self::Backup(backup) => backup.run(),
+            #[cfg(feature = "server")]
+            Self::Fsck(fsck) => fsck.run(),
             #[cfg(feature = "server")]
             Self::OpenApi(openapi) => openapi.run(),
         }

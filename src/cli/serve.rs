@@ -23,7 +23,7 @@ use crate::failpoint;
 use crate::http::{AppState, Rooms, app, listen};
 use crate::store::{QueueLimits, Store};
 use crate::telemetry;
-use crate::worker::{Memory, Merges, Worker, WorkerSettings};
+use crate::worker::{Memory, Merges, Sweeper, Worker, WorkerSettings};
 
 /// Serve the HTTP API, the page at / and the queue, from one folder.
 #[derive(Debug, Args)]
@@ -59,6 +59,7 @@ pub(super) struct Server {
     stop: CancellationToken,
     listening: JoinHandle<()>,
     working: JoinHandle<()>,
+    sweeping: JoinHandle<()>,
 }
 
 /// Longest time for requests in flight to finish once the server is told to stop.
@@ -99,6 +100,15 @@ impl Server {
             stop: CancellationToken::new(),
         };
         let stop = rooms.stop.clone();
+        let sweeper = Sweeper {
+            store: Arc::clone(&rooms.store),
+            blobs: rooms.blobs.clone(),
+            clock: Arc::clone(&rooms.clock),
+            keep_versions: config.upkeep.keep_versions,
+            grace: config.upkeep.blob_grace,
+        };
+        let (every, stop_sweeping) = (config.upkeep.sweep_every, stop.clone());
+        let sweeping = tokio::spawn(async move { sweeper.run(every, &stop_sweeping).await });
         let working = match NonZeroUsize::new(workers) {
             Some(at_once) => tokio::spawn(work(worker(&rooms, config, at_once), stop.clone())),
             None => tokio::spawn(async {}),
@@ -110,6 +120,7 @@ impl Server {
             stop,
             listening: tokio::spawn(listening),
             working,
+            sweeping,
         })
     }
 
@@ -122,8 +133,8 @@ impl Server {
     pub(super) async fn stop(self) {
         tracing::info!("stopping");
         self.stop.cancel();
-        let (listening, working) = tokio::join!(self.listening, self.working);
-        for ended in [listening, working] {
+        let (listening, working, sweeping) = tokio::join!(self.listening, self.working, self.sweeping);
+        for ended in [listening, working, sweeping] {
             if let Err(error) = ended {
                 tracing::error!(%error, "a part of the server ended in disorder");
             }

@@ -3,6 +3,7 @@
 //! Imports `codec`, for its limits, and `failpoint`.
 
 mod place;
+mod upkeep;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -13,6 +14,7 @@ use clap::{Args, ValueEnum};
 use crate::codec::Limits;
 use crate::failpoint;
 pub use place::{BadPlace, BlobPlace, DatabasePlace};
+pub use upkeep::UpkeepConfig;
 
 /// How a server is run.
 #[derive(Debug, Clone, Args)]
@@ -65,6 +67,10 @@ pub struct ServeConfig {
     /// What is taken in.
     #[command(flatten)]
     pub limits: LimitConfig,
+
+    /// What is kept, and for how long.
+    #[command(flatten)]
+    pub upkeep: UpkeepConfig,
 
     /// Lines on standard error: `error`, `warn`, `info`, `debug`, `trace`, or a filter such as `mapweld::http=debug`.
     #[arg(long, env = "MAPWELD_LOG", default_value = "info", value_name = "FILTER")]
@@ -212,7 +218,7 @@ impl LimitConfig {
 }
 
 /// A time such as `90s`, `10m` or `1h 30m`.
-fn parse_duration(text: &str) -> Result<Duration, String> {
+pub(crate) fn parse_duration(text: &str) -> Result<Duration, String> {
     let parsed: jiff::SignedDuration = text
         .parse()
         .map_err(|_| format!("{text:?} is no time; write it as 90s, 10m or 1h 30m"))?;

@@ -3,8 +3,13 @@
 use axum::body::Body;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use bytes::Bytes;
 
+use super::error::ApiError;
+use super::extract::{CONTENT_DIGEST, REPR_DIGEST};
+use crate::api::{FieldError, ProblemCode};
 use crate::model::{BlobKey, Digest};
 
 /// A kind of file: what a tag tells apart, and its media type.
@@ -59,13 +64,18 @@ pub(super) const ZIP: Kind = Kind {
 #[derive(Debug, Clone)]
 pub(super) struct Artifact {
     tag: HeaderValue,
+    /// The digest of its bytes, where that is known beforehand.
+    digest: Option<Digest>,
     media_type: &'static str,
 }
 
 impl Artifact {
     /// A file that is kept as it is: its tag is the digest of its bytes.
     pub(super) fn kept(key: BlobKey, kind: Kind) -> Self {
-        Self::tagged(&key.0.to_string(), kind)
+        Self {
+            digest: Some(key.0),
+            ..Self::tagged(&key.0.to_string(), kind)
+        }
     }
 
     /// A file that this version of the program makes from the content of this digest.
@@ -76,6 +86,7 @@ impl Artifact {
     fn tagged(tag: &str, kind: Kind) -> Self {
         Self {
             tag: HeaderValue::from_str(&format!("\"{tag}\"")).expect("invariant: digests and names are printable"),
+            digest: None,
             media_type: kind.media_type,
         }
     }
@@ -94,21 +105,50 @@ impl Artifact {
         (StatusCode::NOT_MODIFIED, self.headers()).into_response()
     }
 
-    /// The file, or the part of it that `Range` asks for.
+    /// The file, or the part of it that `Range` asks for, with the digests of both (RFC 9530). Hashes: files of many
+    /// megabytes not on a thread that serves requests.
     pub(super) fn answer(&self, headers: &HeaderMap, bytes: Bytes) -> Response {
         let media_type = [(header::CONTENT_TYPE, HeaderValue::from_static(self.media_type))];
         let whole = bytes.len();
+        let digest = told(self.digest.unwrap_or_else(|| Digest::of_bytes(&bytes)));
+        let repr = [(REPR_DIGEST, digest.clone())];
         match self.range(headers, whole) {
-            Range::Whole => (StatusCode::OK, self.headers(), media_type, Body::from(bytes)).into_response(),
-            Range::Part(first, last) => {
-                let range = format!("bytes {first}-{last}/{whole}");
-                let part = Body::from(bytes.slice(first..=last));
-                let headers = (self.headers(), media_type, [(header::CONTENT_RANGE, range)]);
-                (StatusCode::PARTIAL_CONTENT, headers.0, headers.1, headers.2, part).into_response()
+            Range::Whole => {
+                let content = [(CONTENT_DIGEST, digest)];
+                (
+                    StatusCode::OK,
+                    self.headers(),
+                    media_type,
+                    repr,
+                    content,
+                    Body::from(bytes),
+                )
+                    .into_response()
             }
-            Range::Outside => {
+            Range::Part(first, last) => {
+                let part = bytes.slice(first..=last);
+                let content = [(CONTENT_DIGEST, told(Digest::of_bytes(&part)))];
+                let range = [(header::CONTENT_RANGE, format!("bytes {first}-{last}/{whole}"))];
+                let status = StatusCode::PARTIAL_CONTENT;
+                (
+                    status,
+                    self.headers(),
+                    media_type,
+                    repr,
+                    content,
+                    range,
+                    Body::from(part),
+                )
+                    .into_response()
+            }
+            Range::Outside(asked) => {
+                let limit = format!("within the {whole} bytes of the file");
+                let error = ApiError::new(
+                    ProblemCode::RangeNotSatisfiable,
+                    format!("range is {asked:?}; it must lie {limit}"),
+                );
                 let range = [(header::CONTENT_RANGE, format!("bytes */{whole}"))];
-                (StatusCode::RANGE_NOT_SATISFIABLE, range).into_response()
+                (range, error.field(FieldError::new("range", asked, limit))).into_response()
             }
         }
     }
@@ -130,34 +170,41 @@ impl Artifact {
             .is_none_or(|tag| tag.as_bytes() == self.tag.as_bytes());
         let asked = headers.get(header::RANGE).and_then(|value| value.to_str().ok());
         match asked.and_then(|text| text.strip_prefix("bytes=")) {
-            Some(text) if same => parse_range(text, whole).unwrap_or(Range::Whole),
+            Some(text) if same => parse_range(text, whole),
             _ => Range::Whole,
         }
     }
+}
+
+/// A digest as a header tells it.
+fn told(digest: Digest) -> HeaderValue {
+    let text = format!("sha-256=:{}:", STANDARD.encode(digest.as_bytes()));
+    HeaderValue::from_str(&text).expect("invariant: base64 is printable")
 }
 
 #[derive(Debug, PartialEq, Eq)]
 enum Range {
     Whole,
     Part(usize, usize),
-    Outside,
+    Outside(String),
 }
 
-fn parse_range(text: &str, whole: usize) -> Option<Range> {
-    let (first, last) = text.split_once('-')?;
-    let range = match (first.parse::<usize>(), last.parse::<usize>()) {
-        (Ok(first), Ok(last)) if first > last => return None,
+fn parse_range(text: &str, whole: usize) -> Range {
+    let Some((first, last)) = text.split_once('-') else {
+        return Range::Whole;
+    };
+    match (first.parse::<usize>(), last.parse::<usize>()) {
+        (Ok(first), Ok(last)) if first > last => Range::Whole,
         (Ok(first), Ok(last)) if first < whole => Range::Part(first, last.min(whole - 1)),
         (Ok(first), Err(_)) if last.is_empty() && first < whole => Range::Part(first, whole - 1),
         (Err(_), Ok(count)) if first.is_empty() && count > 0 && whole > 0 => {
             Range::Part(whole - count.min(whole), whole - 1)
         }
-        (Ok(_), Ok(_)) => Range::Outside,
-        (Ok(_), Err(_)) if last.is_empty() => Range::Outside,
-        (Err(_), Ok(_)) if first.is_empty() => Range::Outside,
-        _ => return None,
-    };
-    Some(range)
+        (Ok(_), Ok(_)) => Range::Outside(text.to_owned()),
+        (Ok(_), Err(_)) if last.is_empty() => Range::Outside(text.to_owned()),
+        (Err(_), Ok(_)) if first.is_empty() => Range::Outside(text.to_owned()),
+        _ => Range::Whole,
+    }
 }
 
 #[cfg(test)]
@@ -187,16 +234,17 @@ mod tests {
 
     #[test]
     fn one_range_is_honoured_and_what_is_odd_is_answered_whole() {
+        let outside = |text: &str| Range::Outside(text.to_owned());
         let cases = [
-            ("0-3", Some(Range::Part(0, 3))),
-            ("4-", Some(Range::Part(4, 9))),
-            ("-4", Some(Range::Part(6, 9))),
-            ("0-99", Some(Range::Part(0, 9))),
-            ("10-", Some(Range::Outside)),
-            ("-0", Some(Range::Outside)),
-            ("3-1", None),
-            ("0-1,4-5", None),
-            ("x", None),
+            ("0-3", Range::Part(0, 3)),
+            ("4-", Range::Part(4, 9)),
+            ("-4", Range::Part(6, 9)),
+            ("0-99", Range::Part(0, 9)),
+            ("10-", outside("10-")),
+            ("-0", outside("-0")),
+            ("3-1", Range::Whole),
+            ("0-1,4-5", Range::Whole),
+            ("x", Range::Whole),
         ];
         for (text, range) in cases {
             assert_eq!(parse_range(text, 10), range, "{text}");
@@ -205,5 +253,14 @@ mod tests {
         let answer = artifact.answer(&headers(header::RANGE, "bytes=1-2"), Bytes::from_static(b"abc"));
         assert_eq!(answer.status(), StatusCode::PARTIAL_CONTENT);
         assert_eq!(answer.headers()[header::CONTENT_RANGE], "bytes 1-2/3");
+        // SHA-256 of abc, and of bc
+        assert_eq!(
+            answer.headers()[REPR_DIGEST],
+            "sha-256=:ungWv48Bz+pBQUDeXa4iI7ADYaOWF3qctBD/YfIAFa0=:"
+        );
+        assert_eq!(answer.headers()[CONTENT_DIGEST], told(Digest::of_bytes(b"bc")));
+        let answer = artifact.answer(&headers(header::RANGE, "bytes=3-"), Bytes::from_static(b"abc"));
+        assert_eq!(answer.status(), StatusCode::RANGE_NOT_SATISFIABLE);
+        assert_eq!(answer.headers()[header::CONTENT_RANGE], "bytes */3");
     }
 }

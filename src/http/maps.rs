@@ -12,7 +12,7 @@ use super::artifact::{Artifact, PNG};
 use super::error::{ApiError, ApiResult};
 use super::extract::{Path, Query, UploadBody, parsed};
 use super::list::ListQuery;
-use super::refusals::{BadUpload, OfMap, SessionList};
+use super::refusals::{BadUpload, OfMap, OfPicture, SessionList};
 use super::sessions::SessionPath;
 use super::state::{AppState, to_the_end};
 use super::upload::{PictureQuery, Upload, Uploaded};
@@ -20,7 +20,7 @@ use crate::api::{Map, Page, Pushed};
 use crate::codec::{OccupancyGridMessage, decode_cells, encode_cells, encode_png};
 use crate::failpoint::{self, Point};
 use crate::model::{JobId, MapId, NewMap, RobotId, SessionId, SessionSettings};
-use crate::store::AddMap;
+use crate::store::{AddMap, StoreError, keep_blob};
 
 /// The robot of a path.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -61,7 +61,7 @@ pub(super) struct MapForm {
 /// multipart/form-data (`curl -F map=@r1.yaml -F image=@r1.pgm`), a picture with its place in the query, or a
 /// `nav_msgs/OccupancyGrid` as JSON (data as an array or as base64). The session is made when it is not there.
 ///
-/// 201 says that the map is on disk. The same content from the same robot again changes nothing: 200 and the same id.
+/// With `Content-Digest` (RFC 9530) a body that was damaged on its way is refused. 201 says that the map is on disk. The same content from the same robot again changes nothing: 200 and the same id.
 #[utoipa::path(
     post, path = "/v1/sessions/{session}/robots/{robot}/maps", tag = "maps", operation_id = "push_map",
     params(RobotPath, PictureQuery),
@@ -119,7 +119,7 @@ async fn keep(
     RobotPath { session, robot }: RobotPath,
     (decoded, frame_id, cells): (crate::codec::Decoded, Option<String>, Bytes),
 ) -> ApiResult<Pushed> {
-    let blob = state.blobs.put(cells).await?;
+    let blob = keep_blob(&*state.store, &state.blobs, cells.clone(), state.clock.now()).await?;
     failpoint::reach(Point::AfterBlob);
     let map = NewMap {
         frame_id,
@@ -134,7 +134,14 @@ async fn keep(
         job: JobId::new(state.ids.next()),
         map,
     };
-    let added = state.store.add_map_and_enqueue(add, state.clock.now()).await?;
+    let added = match state.store.add_map_and_enqueue(add.clone(), state.clock.now()).await {
+        Err(StoreError::BlobRemoved(_)) => {
+            // somebody has just removed the same bytes, which nothing needed until now
+            keep_blob(&*state.store, &state.blobs, cells, state.clock.now()).await?;
+            state.store.add_map_and_enqueue(add, state.clock.now()).await?
+        }
+        added => added?,
+    };
     failpoint::reach(Point::AfterCommit);
     Ok(Pushed {
         created: added.created,
@@ -200,9 +207,14 @@ pub(super) async fn get(
     params(MapPath),
     responses(
         (status = 200, description = "The picture", body = inline(String), content_type = "image/png",
-         headers(("etag" = String, description = "Strong"))),
+         headers(
+            ("etag" = String, description = "Strong"),
+            ("repr-digest" = String, description = "SHA-256 of the file (RFC 9530)"),
+            ("content-digest" = String, description = "SHA-256 of what is sent: the file, or a part of it"),
+         )),
+        (status = 206, description = "The part that `Range` asks for"),
         (status = 304, description = "It is the one that `If-None-Match` names"),
-        OfMap,
+        OfPicture,
     )
 )]
 pub(super) async fn png(
@@ -216,8 +228,10 @@ pub(super) async fn png(
         return Ok(artifact.not_modified());
     }
     let cells = state.blobs.get(record.map.blob).await?;
-    let picture = state
-        .compute(move || Ok(encode_png(&decode_cells(&cells).map_err(ApiError::internal)?)))
-        .await?;
-    Ok(artifact.answer(&headers, picture.into()))
+    state
+        .compute(move || {
+            let picture = encode_png(&decode_cells(&cells).map_err(ApiError::internal)?);
+            Ok(artifact.answer(&headers, picture.into()))
+        })
+        .await
 }

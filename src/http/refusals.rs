@@ -25,36 +25,38 @@ refusals! {
     /// Of a list.
     BadList: InvalidQuery, InvalidRequest;
     /// Of a JSON body.
-    BadBody: MalformedJson, BodyTimeout, BodyTooLarge, UnsupportedMediaType, InvalidRequest;
+    BadBody: MalformedJson, DigestMismatch, BodyTimeout, BodyTooLarge, UnsupportedMediaType, InvalidRequest;
     /// Of everything below a session.
     InSession: InvalidPath, SessionNotFound;
     /// Of a list below a session.
     SessionList: InvalidPath, InvalidQuery, SessionNotFound, InvalidRequest;
     /// Of a session that is to be made.
-    SessionClash: InvalidPath, MalformedJson, BodyTimeout, SessionExists, BodyTooLarge, UnsupportedMediaType,
+    SessionClash: InvalidPath, MalformedJson, DigestMismatch, BodyTimeout, SessionExists, BodyTooLarge, UnsupportedMediaType,
         InvalidRequest;
     /// Of a session that is to be changed.
-    BadPatch: InvalidPath, MalformedJson, BodyTimeout, SessionNotFound, BodyTooLarge, UnsupportedMediaType,
+    BadPatch: InvalidPath, MalformedJson, DigestMismatch, BodyTimeout, SessionNotFound, BodyTooLarge, UnsupportedMediaType,
         InvalidRequest;
     /// Of a map.
     OfMap: InvalidPath, SessionNotFound, MapNotFound;
+    /// Of a map's picture.
+    OfPicture: InvalidPath, SessionNotFound, MapNotFound, RangeNotSatisfiable;
     /// Of a job.
     OfJob: InvalidPath, InvalidQuery, JobNotFound, InvalidRequest;
     /// Of a version.
-    OfVersion: InvalidPath, SessionNotFound, VersionNotFound;
+    OfVersion: InvalidPath, SessionNotFound, VersionNotFound, RangeNotSatisfiable;
     /// Of an upload.
-    BadUpload: InvalidPath, InvalidQuery, MalformedMultipart, SessionNotFound, BodyTimeout, BodyTooLarge, MapTooLarge,
+    BadUpload: InvalidPath, InvalidQuery, MalformedMultipart, DigestMismatch, SessionNotFound, BodyTimeout, BodyTooLarge, MapTooLarge,
         UnsupportedMediaType, InvalidRequest, InvalidMap, QueueFull, Overloaded, StorageUnavailable, ShuttingDown;
     /// Of a merge that is asked for.
-    BadMerge: InvalidPath, MalformedJson, BodyTimeout, SessionNotFound, Conflict, BodyTooLarge, UnsupportedMediaType,
+    BadMerge: InvalidPath, MalformedJson, DigestMismatch, BodyTimeout, SessionNotFound, Conflict, BodyTooLarge, UnsupportedMediaType,
         InvalidRequest, QueueFull, StorageUnavailable;
     /// Of a constraint that is to stand.
-    BadConstraint: InvalidPath, MalformedJson, BodyTimeout, SessionNotFound, Conflict, BodyTooLarge,
+    BadConstraint: InvalidPath, MalformedJson, DigestMismatch, BodyTimeout, SessionNotFound, Conflict, BodyTooLarge,
         UnsupportedMediaType, InvalidRequest;
     /// Of a constraint.
     OfConstraint: InvalidPath, SessionNotFound, ConstraintNotFound;
     /// Of a merge at once.
-    BadOneShot: InvalidQuery, MalformedMultipart, NotAcceptable, BodyTimeout, BodyTooLarge, MapTooLarge,
+    BadOneShot: InvalidQuery, MalformedMultipart, DigestMismatch, NotAcceptable, BodyTimeout, BodyTooLarge, MapTooLarge,
         UnsupportedMediaType, InvalidRequest, InvalidMap, Overloaded, ShuttingDown;
     /// Of a server that is not ready.
     NotReady: StorageUnavailable, ShuttingDown;

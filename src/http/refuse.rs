@@ -23,7 +23,7 @@ impl From<StoreError> for ApiError {
             StoreError::QueueFull { queued, limit, .. } => Self::new(ProblemCode::QueueFull, text).field(
                 FieldError::new("queue", format!("{queued} jobs wait"), format!("at most {limit}")),
             ),
-            StoreError::Unavailable(_) => Self::storage(text),
+            StoreError::Unavailable(_) | StoreError::BlobBusy(_) | StoreError::BlobRemoved(_) => Self::storage(text),
             StoreError::NotFound(Missing::Blob(_) | Missing::Key(_))
             | StoreError::LeaseLost(_)
             | StoreError::InUse { .. }

@@ -1,18 +1,19 @@
 //! Sessions and their robots.
 
 use axum::Json;
-use axum::extract::State;
+use axum::extract::{FromRequestParts, State};
+use axum::http::request::Parts;
 use axum::http::{HeaderName, StatusCode, header};
 use serde::Deserialize;
 use utoipa::IntoParams;
 
-use super::error::ApiResult;
-use super::extract::{JsonBody, Path, Query};
+use super::error::{ApiError, ApiResult};
+use super::extract::{JsonBody, Path, Query, parse_query, take_repeated};
 use super::list::ListQuery;
-use super::refusals::{BadBody, BadList, BadPatch, InSession, SessionClash};
+use super::refusals::{BadBody, BadList, BadPatch, InSession, SessionClash, SessionList};
 use super::state::AppState;
 use crate::api::{Page, Robot, Session};
-use crate::model::{SessionId, SessionPatch, SessionSettings};
+use crate::model::{LabelFilter, RobotId, SessionId, SessionPatch, SessionSettings};
 use crate::store::Created;
 
 /// The session of a path.
@@ -82,20 +83,54 @@ fn made(session: Created<crate::model::Session>) -> Made {
     (status, [(header::LOCATION, location)], Json(session.value.into()))
 }
 
+/// Which sessions of the list.
+#[derive(Debug, IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct SessionListQuery {
+    /// `NAME=VALUE`, split at the first `=`: only sessions with this label; `NAME`: with a label of this name. Several:
+    /// sessions with all of them.
+    #[param(value_type = Vec<String>, style = Form, explode, required = false, example = json!(["floor=2"]))]
+    label: LabelFilter,
+    /// Most items of the page.
+    #[param(value_type = Option<u32>, default = 50, minimum = 1, maximum = 200)]
+    #[expect(dead_code, reason = "for the document; read as a part of `list`")]
+    page_size: (),
+    /// `next_page_token` of the page before.
+    #[param(value_type = Option<String>)]
+    #[expect(dead_code, reason = "for the document; read as a part of `list`")]
+    page_token: (),
+    #[param(ignore)]
+    list: ListQuery,
+}
+
+impl FromRequestParts<AppState> for SessionListQuery {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, _: &AppState) -> ApiResult<Self> {
+        let (labels, rest) = take_repeated(parts.uri.query().unwrap_or_default(), "label");
+        Ok(Self {
+            label: LabelFilter::parse(labels.iter().map(String::as_str))?,
+            page_size: (),
+            page_token: (),
+            list: parse_query(&rest)?,
+        })
+    }
+}
+
 /// List sessions
 ///
-/// In the order of their names.
+/// In the order of their names; all, or those with some labels.
 #[utoipa::path(
     get, path = "/v1/sessions", tag = "sessions", operation_id = "list_sessions",
-    params(ListQuery),
+    params(SessionListQuery),
     responses((status = 200, description = "One page", body = Page<Session>), BadList)
 )]
 pub(super) async fn list(
     State(state): State<AppState>,
-    Query(query): Query<ListQuery>,
+    SessionListQuery { label, list, .. }: SessionListQuery,
 ) -> ApiResult<Json<Page<Session>>> {
-    let sessions = state.store.list_sessions(&query.page()?).await?;
-    query.answer(sessions, |session| session.id.clone()).map(Json)
+    let sessions = state.store.list_sessions(&label, &list.page()?).await?;
+    list.answer(sessions, |session| session.id.clone()).map(Json)
 }
 
 /// Read a session
@@ -147,19 +182,21 @@ pub(super) async fn delete(
 
 /// List a session's robots
 ///
-/// Those that have pushed a map, in the order of their names; all on one page.
+/// Those that have pushed a map, in the order of their names.
 #[utoipa::path(
     get, path = "/v1/sessions/{session}/robots", tag = "sessions", operation_id = "list_robots",
-    params(SessionPath),
-    responses((status = 200, description = "All robots", body = Page<Robot>), InSession)
+    params(SessionPath, ListQuery),
+    responses((status = 200, description = "One page", body = Page<Robot>), SessionList)
 )]
 pub(super) async fn robots(
     State(state): State<AppState>,
     Path(SessionPath { session }): Path<SessionPath>,
+    Query(query): Query<ListQuery>,
 ) -> ApiResult<Json<Page<Robot>>> {
-    let robots = state.store.list_robots(&session).await?;
-    Ok(Json(Page {
-        items: robots.into_iter().map(Robot::from).collect(),
-        next_page_token: None,
-    }))
+    let crate::store::Page { after, size } = query.page::<RobotId>()?;
+    let mut robots = state.store.list_robots(&session).await?;
+    // a session has few robots: the page is cut out here
+    robots.retain(|robot| after.as_ref().is_none_or(|after| robot.robot > *after));
+    robots.truncate(size as usize);
+    query.answer(robots, |robot| robot.robot.clone()).map(Json)
 }

@@ -67,7 +67,12 @@ pub(super) async fn list(
     params(VersionPath),
     responses(
         (status = 200, description = "The version", body = api::Version,
-         headers(("etag" = String, description = "Strong"))),
+         headers(
+            ("etag" = String, description = "Strong"),
+            ("repr-digest" = String, description = "SHA-256 of the file (RFC 9530)"),
+            ("content-digest" = String, description = "SHA-256 of what is sent: the file, or a part of it"),
+         )),
+        (status = 206, description = "The part that `Range` asks for"),
         (status = 304, description = "It is the one that `If-None-Match` names"),
         OfVersion,
     )
@@ -94,7 +99,12 @@ pub(super) async fn get(
     params(VersionPath),
     responses(
         (status = 200, description = "The picture", body = inline(String), content_type = "image/png",
-         headers(("etag" = String, description = "Strong"))),
+         headers(
+            ("etag" = String, description = "Strong"),
+            ("repr-digest" = String, description = "SHA-256 of the file (RFC 9530)"),
+            ("content-digest" = String, description = "SHA-256 of what is sent: the file, or a part of it"),
+         )),
+        (status = 206, description = "The part that `Range` asks for"),
         (status = 304, description = "It is the one that `If-None-Match` names"),
         OfVersion,
     )
@@ -116,7 +126,12 @@ pub(super) async fn map_png(
     params(VersionPath),
     responses(
         (status = 200, description = "The picture", body = inline(String), content_type = "image/png",
-         headers(("etag" = String, description = "Strong"))),
+         headers(
+            ("etag" = String, description = "Strong"),
+            ("repr-digest" = String, description = "SHA-256 of the file (RFC 9530)"),
+            ("content-digest" = String, description = "SHA-256 of what is sent: the file, or a part of it"),
+         )),
+        (status = 206, description = "The part that `Range` asks for"),
         (status = 304, description = "It is the one that `If-None-Match` names"),
         OfVersion,
     )
@@ -144,7 +159,12 @@ async fn kept(state: &AppState, headers: &HeaderMap, key: crate::model::BlobKey)
     params(VersionPath),
     responses(
         (status = 200, description = "The picture", body = inline(String), content_type = "image/x-portable-graymap",
-         headers(("etag" = String, description = "Strong"))),
+         headers(
+            ("etag" = String, description = "Strong"),
+            ("repr-digest" = String, description = "SHA-256 of the file (RFC 9530)"),
+            ("content-digest" = String, description = "SHA-256 of what is sent: the file, or a part of it"),
+         )),
+        (status = 206, description = "The part that `Range` asks for"),
         (status = 304, description = "It is the one that `If-None-Match` names"),
         OfVersion,
     )
@@ -175,7 +195,12 @@ pub(super) struct YamlQuery {
     params(VersionPath, YamlQuery),
     responses(
         (status = 200, description = "The file", body = inline(String), content_type = "application/yaml",
-         headers(("etag" = String, description = "Strong"))),
+         headers(
+            ("etag" = String, description = "Strong"),
+            ("repr-digest" = String, description = "SHA-256 of the file (RFC 9530)"),
+            ("content-digest" = String, description = "SHA-256 of what is sent: the file, or a part of it"),
+         )),
+        (status = 206, description = "The part that `Range` asks for"),
         (status = 304, description = "It is the one that `If-None-Match` names"),
         OfVersion,
     )
@@ -203,7 +228,12 @@ pub(super) async fn map_yaml(
     params(VersionPath),
     responses(
         (status = 200, description = "The archive", body = inline(String), content_type = "application/zip",
-         headers(("etag" = String, description = "Strong"))),
+         headers(
+            ("etag" = String, description = "Strong"),
+            ("repr-digest" = String, description = "SHA-256 of the file (RFC 9530)"),
+            ("content-digest" = String, description = "SHA-256 of what is sent: the file, or a part of it"),
+         )),
+        (status = 206, description = "The part that `Range` asks for"),
         (status = 304, description = "It is the one that `If-None-Match` names"),
         OfVersion,
     )
@@ -228,7 +258,12 @@ pub(super) async fn map_zip(
     params(VersionPath),
     responses(
         (status = 200, description = "The message", body = crate::codec::OccupancyGridMessage,
-         headers(("etag" = String, description = "Strong"))),
+         headers(
+            ("etag" = String, description = "Strong"),
+            ("repr-digest" = String, description = "SHA-256 of the file (RFC 9530)"),
+            ("content-digest" = String, description = "SHA-256 of what is sent: the file, or a part of it"),
+         )),
+        (status = 206, description = "The part that `Range` asks for"),
         (status = 304, description = "It is the one that `If-None-Match` names"),
         OfVersion,
     )
@@ -258,13 +293,13 @@ async fn made(
         return Ok(artifact.not_modified());
     }
     let cells = state.blobs.get(version.grid).await?;
-    let bytes = state
+    let headers = headers.clone();
+    state
         .compute(move || {
             let grid = decode_cells(&cells).map_err(ApiError::internal)?;
-            Ok(make(&grid, &version))
+            Ok(artifact.answer(&headers, make(&grid, &version).into()))
         })
-        .await?;
-    Ok(artifact.answer(headers, bytes.into()))
+        .await
 }
 
 /// The transforms
@@ -276,7 +311,12 @@ async fn made(
     params(VersionPath),
     responses(
         (status = 200, description = "The transforms", body = Transforms,
-         headers(("etag" = String, description = "Strong"))),
+         headers(
+            ("etag" = String, description = "Strong"),
+            ("repr-digest" = String, description = "SHA-256 of the file (RFC 9530)"),
+            ("content-digest" = String, description = "SHA-256 of what is sent: the file, or a part of it"),
+         )),
+        (status = 206, description = "The part that `Range` asks for"),
         (status = 304, description = "It is the one that `If-None-Match` names"),
         OfVersion,
     )

@@ -119,6 +119,14 @@ impl BlobKey {
     pub fn of(bytes: &[u8]) -> Self {
         Self(Digest::of_bytes(bytes))
     }
+
+    /// The key that stands for this place; none for a place of no blob.
+    #[must_use]
+    pub fn at(place: &str) -> Option<Self> {
+        let (first, rest) = place.strip_prefix("sha256/")?.split_once('/')?;
+        let key = format!("{first}{rest}").parse().ok().map(Self)?;
+        (key.to_string() == place).then_some(key)
+    }
 }
 
 impl fmt::Display for BlobKey {
@@ -193,5 +201,14 @@ mod tests {
     fn a_blob_lies_in_a_folder_of_its_first_two_digits() {
         let key = BlobKey::of(b"abc").to_string();
         assert!(key.starts_with("sha256/ba/7816bf8f"), "{key}");
+        assert_eq!(BlobKey::at(&key), Some(BlobKey::of(b"abc")));
+        for other in [
+            &key[1..],
+            &key.replace("/ba/", "/b/a"),
+            &key.to_uppercase(),
+            "sha256/ba",
+        ] {
+            assert_eq!(BlobKey::at(other), None, "{other}");
+        }
     }
 }

@@ -22,7 +22,7 @@ pub use job::{Job, JobError, JobKind, JobState, MergeRequest, StageSeconds};
 pub use key::{ApiKey, KeyName, Scope, ShownKey, Standing};
 pub use map::{MapRecord, NewMap, RobotSummary};
 pub use pose::Pose;
-pub use session::{Labels, Resolution, Session, SessionPatch, SessionSettings, Title};
+pub use session::{LabelFilter, Labels, Resolution, Session, SessionPatch, SessionSettings, Title};
 pub use steering::{Clash, Effect, Steering, Tie, beside};
 pub use text::{Author, Note};
 pub use version::{ResultText, Version, VersionInput, VersionSelector};

@@ -1,6 +1,7 @@
 //! A session: a place and a time that robots map together.
 
 use std::collections::BTreeMap;
+use std::num::NonZeroU32;
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -37,6 +38,10 @@ pub struct SessionSettings {
     pub method: MethodSpec,
     /// Resolution of the fused map in metres a cell; the finest of the maps, unless it is said.
     pub resolution: Option<Resolution>,
+    /// How many versions are kept, the newest ones; as many as the server keeps, unless it is said. With versions go the
+    /// maps that no version is made of any more.
+    #[schema(value_type = Option<u32>, minimum = 1)]
+    pub keep_versions: Option<NonZeroU32>,
 }
 
 impl Default for SessionSettings {
@@ -48,6 +53,7 @@ impl Default for SessionSettings {
             auto_merge: true,
             method: MethodSpec::default(),
             resolution: None,
+            keep_versions: None,
         }
     }
 }
@@ -93,6 +99,10 @@ pub struct SessionPatch {
     #[serde(with = "present", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Resolution>)]
     pub resolution: Option<Option<Resolution>>,
+    /// How many versions to keep from now on.
+    #[serde(with = "present", skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<u32>, minimum = 1)]
+    pub keep_versions: Option<Option<NonZeroU32>>,
 }
 
 impl SessionPatch {
@@ -106,6 +116,7 @@ impl SessionPatch {
             auto_merge: self.auto_merge.unwrap_or(settings.auto_merge),
             method: self.method.unwrap_or(settings.method),
             resolution: self.resolution.unwrap_or(settings.resolution),
+            keep_versions: self.keep_versions.unwrap_or(settings.keep_versions),
         }
     }
 }
@@ -235,6 +246,45 @@ impl From<Labels> for BTreeMap<String, String> {
     }
 }
 
+/// Which sessions are asked for, by their labels: those that have all of these, with this value where one is said.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
+pub struct LabelFilter(BTreeMap<String, Option<String>>);
+
+impl LabelFilter {
+    /// A filter of texts `NAME=VALUE`, split at the first `=`, or `NAME`.
+    ///
+    /// # Errors
+    /// [`Invalid`] names the text that is no label, or that asks for another value of a name that was there before.
+    pub fn parse<'a>(texts: impl IntoIterator<Item = &'a str>) -> Result<Self, Invalid> {
+        let mut wanted = BTreeMap::new();
+        for text in texts {
+            let (name, value) = match text.split_once('=') {
+                Some((name, value)) => (name, Some(value)),
+                None => (text, None),
+            };
+            let good = |text: &str| is_plain(text, Labels::CHARS_MAX);
+            if name.is_empty() || !good(name) || !value.is_none_or(good) {
+                let limit = format!("NAME or NAME=VALUE of at most {} characters each", Labels::CHARS_MAX);
+                return Err(Invalid::new("label", text, limit));
+            }
+            let before = wanted.insert(name.to_owned(), value.map(str::to_owned));
+            if before.is_some() {
+                return Err(Invalid::new(
+                    "label",
+                    text,
+                    "of another name than the other labels that are asked for",
+                ));
+            }
+            if wanted.len() > Labels::COUNT_MAX {
+                let limit = format!("one of at most {} labels", Labels::COUNT_MAX);
+                return Err(Invalid::new("label", text, limit));
+            }
+        }
+        Ok(Self(wanted))
+    }
+}
+
 /// Metres a cell that a lattice can have.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(try_from = "f64", into = "f64")]
@@ -325,6 +375,16 @@ mod tests {
         };
         assert!(asked.is_met_by(&standing));
         assert!(!standing.is_met_by(&asked));
+    }
+
+    #[test]
+    fn a_filter_names_labels_with_their_values_or_without() {
+        let filter = LabelFilter::parse(["floor=2", "site", "note=a=b", "empty="]).expect("labels");
+        let json = serde_json::to_string(&filter).expect("serialises");
+        assert_eq!(json, r#"{"empty":"","floor":"2","note":"a=b","site":null}"#);
+        for bad in [&["=2"][..], &[""], &["floor=1", "floor=2"], &["a\nb"]] {
+            assert!(LabelFilter::parse(bad.iter().copied()).is_err(), "{bad:?}");
+        }
     }
 
     #[test]

@@ -13,7 +13,7 @@ use crate::model::BlobKey;
 /// Where blobs are kept: immutable, each under the SHA-256 of its bytes, checked when it is read.
 #[derive(Debug, Clone)]
 pub struct Blobs {
-    objects: Arc<dyn ObjectStore>,
+    pub(super) objects: Arc<dyn ObjectStore>,
 }
 
 impl Blobs {
@@ -55,11 +55,17 @@ impl Blobs {
     /// [`StoreError::Unavailable`].
     pub async fn put(&self, bytes: Bytes) -> Result<BlobKey, StoreError> {
         let (key, bytes) = hashed(bytes).await?;
+        self.put_hashed(key, bytes).await?;
+        Ok(key)
+    }
+
+    /// Keeps bytes whose digest is known.
+    pub(super) async fn put_hashed(&self, key: BlobKey, bytes: Bytes) -> Result<(), StoreError> {
         self.objects
             .put(&place(key), PutPayload::from_bytes(bytes))
             .await
             .map_err(|error| StoreError::Unavailable(error.into()))?;
-        Ok(key)
+        Ok(())
     }
 
     /// The bytes that were kept under this key.
@@ -81,12 +87,12 @@ impl Blobs {
     }
 }
 
-fn place(key: BlobKey) -> path::Path {
+pub(super) fn place(key: BlobKey) -> path::Path {
     path::Path::from(key.to_string())
 }
 
 /// Megabytes are not hashed on a thread that serves requests.
-async fn hashed(bytes: Bytes) -> Result<(BlobKey, Bytes), StoreError> {
+pub(super) async fn hashed(bytes: Bytes) -> Result<(BlobKey, Bytes), StoreError> {
     tokio::task::spawn_blocking(move || (BlobKey::of(&bytes), bytes))
         .await
         .map_err(|error| StoreError::Unavailable(error.into()))

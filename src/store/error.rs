@@ -32,6 +32,12 @@ pub enum StoreError {
         /// The most that it may have.
         limit: u32,
     },
+    /// The bytes of this blob are being removed right now.
+    #[error("the bytes of blob {0} are being removed right now; try again")]
+    BlobBusy(BlobKey),
+    /// The bytes of this blob were removed since they were kept.
+    #[error("the bytes of blob {0} were removed meanwhile; keep them again")]
+    BlobRemoved(BlobKey),
     /// Somebody else has the job now, or it is over.
     #[error("the lease of job {0} is lost: it was claimed again, ended, or deleted with its session")]
     LeaseLost(JobId),

@@ -13,6 +13,7 @@
 //! 4. [`Store::publish_version`] is one transaction: the version and the end of the job. So a job may run more than once
 //!    and takes effect exactly once.
 
+mod blob_list;
 mod blobs;
 mod error;
 mod keys;
@@ -20,29 +21,32 @@ mod postgres;
 mod rows;
 mod s3;
 mod sqlite;
+mod upkeep;
 
 use std::time::Duration;
 
+pub use blob_list::Kept;
 pub use blobs::Blobs;
 pub use error::{Missing, QueueScope, StoreError};
 pub use keys::KeyStore;
 pub use postgres::PostgresStore;
 pub use sqlite::SqliteStore;
+pub use upkeep::{BlobMark, MARK_HOLD, Pruned, Upkeep, keep_blob};
 
 use async_trait::async_trait;
 use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast;
 
 use crate::model::{
-    BlobKey, Constraint, ConstraintId, Digest, Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, NewMap,
-    ResultText, RobotId, RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp,
-    Version, VersionInput, VersionNumber, VersionSelector,
+    BlobKey, Constraint, ConstraintId, Digest, Job, JobError, JobId, JobState, LabelFilter, MapId, MapRecord,
+    MergeRequest, NewMap, ResultText, RobotId, RobotSummary, Session, SessionId, SessionPatch, SessionSettings,
+    StageSeconds, Timestamp, Version, VersionInput, VersionNumber, VersionSelector,
 };
 
 /// Where records and the queue are kept. Every back end passes the same contract suite
 /// (`tests/service/store_contract.rs`).
 #[async_trait]
-pub trait Store: KeyStore {
+pub trait Store: KeyStore + Upkeep {
     // Sessions
 
     /// Makes a session. When it is there already with the settings that are asked for, it is answered as it stands.
@@ -59,8 +63,8 @@ pub trait Store: KeyStore {
     /// One session.
     async fn get_session(&self, id: &SessionId) -> Result<Session, StoreError>;
 
-    /// Sessions by name.
-    async fn list_sessions(&self, page: &Page<SessionId>) -> Result<Vec<Session>, StoreError>;
+    /// Sessions with these labels, by name.
+    async fn list_sessions(&self, labels: &LabelFilter, page: &Page<SessionId>) -> Result<Vec<Session>, StoreError>;
 
     /// Changes the settings of a session.
     async fn patch_session(&self, id: &SessionId, patch: SessionPatch, now: Timestamp) -> Result<Session, StoreError>;
@@ -77,10 +81,11 @@ pub trait Store: KeyStore {
     /// that is queued and not begun takes it along, otherwise exactly one is added. The same content from the same
     /// robot again changes nothing and answers the map that is there. The first robot becomes the anchor.
     ///
-    /// The blob must be durable before.
+    /// The blob must be durable before ([`keep_blob`]).
     ///
     /// # Errors
     /// [`StoreError::QueueFull`] when it would need one job more than the queue holds; the map is then not added.
+    /// [`StoreError::BlobRemoved`] when its blob must be kept again.
     async fn add_map_and_enqueue(&self, add: AddMap, now: Timestamp) -> Result<Added, StoreError>;
 
     /// Maps of a session, newest first, of one robot if it is named.
@@ -140,6 +145,9 @@ pub trait Store: KeyStore {
     ) -> Result<Renewed, StoreError>;
 
     /// Publishes what a job found as the next version of its session and ends the job.
+    ///
+    /// # Errors
+    /// [`StoreError::BlobRemoved`] when one of its blobs must be kept again.
     async fn publish_version(&self, lease: &Lease, version: NewVersion, now: Timestamp) -> Result<Version, StoreError>;
 
     /// Ends a dry run with what it found.
@@ -327,6 +335,14 @@ pub struct NewVersion {
     pub reanchors: bool,
     /// How long each stage took.
     pub timings: Vec<StageSeconds>,
+}
+
+impl NewVersion {
+    /// The blobs that it names.
+    #[must_use]
+    pub fn blobs(&self) -> [BlobKey; 3] {
+        [self.grid, self.png, self.overlay]
+    }
 }
 
 /// How much work there is.

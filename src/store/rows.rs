@@ -1,6 +1,7 @@
 //! Rows to records and back, the same for every database: both keep texts, whole numbers, numbers and truths, and what
 //! is more than that is text. What cannot be read is damage: nothing else writes these tables.
 
+use std::num::NonZeroU32;
 use std::time::Duration;
 
 use jiff::SignedDuration;
@@ -16,7 +17,7 @@ use crate::model::{
     ApiKey, Author, BlobKey, Constraint, Job, JobId, JobState, MapRecord, NewMap, Note, ResultText, Scope, Session,
     SessionId, SessionSettings, Timestamp, Version, VersionInput,
 };
-use crate::store::{Lease, StoreError};
+use crate::store::{BlobMark, Lease, StoreError};
 
 pub(super) fn session(row: &impl StoredRow) -> Result<Session, StoreError> {
     Ok(Session {
@@ -28,6 +29,7 @@ pub(super) fn session(row: &impl StoredRow) -> Result<Session, StoreError> {
             auto_merge: value(row, "auto_merge")?,
             method: json(row, "method")?,
             resolution: optional(row, "resolution", crate::model::Resolution::parse)?,
+            keep_versions: optional(row, "keep_versions", |keep: u32| NonZeroU32::try_from(keep))?,
         },
         created_at: time(row, "created_at")?,
         updated_at: time(row, "updated_at")?,
@@ -147,6 +149,18 @@ pub(super) fn version_input(row: &impl StoredRow) -> Result<VersionInput, StoreE
         map: parsed(row, "map")?,
         digest: parsed(row, "digest")?,
     })
+}
+
+pub(super) fn blob_mark(row: &impl StoredRow) -> Result<BlobMark, StoreError> {
+    Ok(BlobMark {
+        marked_at: time(row, "marked_at")?,
+        removed_at: optional(row, "removed_at", Timestamp::from_microsecond)?,
+    })
+}
+
+/// A column of how many are kept.
+pub(super) fn keep(row: &impl StoredRow, column: &'static str) -> Result<NonZeroU32, StoreError> {
+    convert(value::<u32>(row, column)?, column, NonZeroU32::try_from)
 }
 
 /// What a job that was written about is now.

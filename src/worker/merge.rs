@@ -22,7 +22,7 @@ use crate::model::{
     Session, StageSeconds, VersionInput, VersionNumber, VersionSelector,
 };
 use crate::registration::{Control, Method, Stop};
-use crate::store::{Blobs, NewVersion, Page, Store, StoreError};
+use crate::store::{Blobs, NewVersion, Page, Store, StoreError, keep_blob};
 
 /// Does merges.
 #[derive(Clone)]
@@ -84,7 +84,10 @@ impl Work for Merges {
 
         times.begin();
         progress.stage("keep", DRAWN);
-        let [grid, png, overlay] = merged.pictures.map(|bytes| self.blobs.put(bytes));
+        let now = control.wall_clock();
+        let [grid, png, overlay] = merged
+            .pictures
+            .map(|bytes| keep_blob(&*self.store, &self.blobs, bytes, now));
         let (grid, png, overlay) = futures_util::try_join!(grid, png, overlay)?;
         times.end("keep");
         failpoint::reach(Point::BeforePublish);

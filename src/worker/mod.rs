@@ -10,6 +10,7 @@ mod lease;
 mod memory;
 mod merge;
 mod steering;
+mod sweep;
 mod work;
 
 use std::num::NonZeroUsize;
@@ -24,6 +25,7 @@ use tracing::{info, warn};
 
 pub use memory::Memory;
 pub use merge::Merges;
+pub use sweep::{Sweeper, Swept};
 pub use work::{Done, Failure, Progress, Work};
 
 use crate::clock::Clock;
@@ -183,6 +185,11 @@ impl Worker {
             Ended::Lost => Err(StoreError::LeaseLost(job.id)),
         };
         match written {
+            Err(error @ StoreError::BlobRemoved(_)) => {
+                // what was kept before the version was written is needed once more: another attempt keeps it again
+                let error = JobError::new("blob_removed", error.to_string());
+                self.fail(lease, job, &error, self.retry(job)).await
+            }
             Err(StoreError::LeaseLost(_)) => {
                 warn!(job = %job.id, "the lease is lost: the result is dropped");
                 Ok(())

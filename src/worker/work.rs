@@ -57,6 +57,9 @@ impl From<StoreError> for Failure {
     fn from(error: StoreError) -> Self {
         let code = match &error {
             StoreError::Unavailable(_) => return Self::ForNow(JobError::new("store_unavailable", error.to_string())),
+            StoreError::BlobBusy(_) | StoreError::BlobRemoved(_) => {
+                return Self::ForNow(JobError::new("blob_removed", error.to_string()));
+            }
             StoreError::Damaged(_) => "store_damaged",
             _ => "store_refused",
         };

@@ -8,6 +8,7 @@ use axum::http::{HeaderMap, header};
 use bytes::{Bytes, BytesMut};
 use futures_util::StreamExt;
 
+use super::digest::ToldDigests;
 use crate::api::{FieldError, ProblemCode};
 use crate::http::error::{ApiError, ApiResult};
 use crate::http::state::AppState;
@@ -42,12 +43,14 @@ impl FromRequest<AppState> for UploadBody {
             time: state.limits.body_time,
         };
         refuse_by_length(request.headers(), limits.bytes)?;
+        let digests = ToldDigests::of(request.headers())?;
         let place = state
             .uploads
             .clone()
             .try_acquire_owned()
             .map_err(|_| ApiError::new(ProblemCode::Overloaded, "too many uploads at one time; try again"))?;
         let bytes = read_body(request.into_body(), limits).await?;
+        digests.check(&bytes).await?;
         Ok(Self {
             content_type,
             bytes,

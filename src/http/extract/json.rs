@@ -5,6 +5,7 @@ use axum::http::header;
 use serde::de::DeserializeOwned;
 
 use super::body::{BodyLimits, media_type, read_body, refuse_by_length};
+use super::digest::ToldDigests;
 use crate::api::{FieldError, ProblemCode};
 use crate::http::error::{ApiError, ApiResult};
 use crate::http::state::AppState;
@@ -24,11 +25,13 @@ impl<T: DeserializeOwned> FromRequest<AppState> for JsonBody<T> {
             time: state.limits.body_time,
         };
         refuse_by_length(request.headers(), limits.bytes)?;
+        let digests = ToldDigests::of(request.headers())?;
         let content_type = request
             .headers()
             .get(header::CONTENT_TYPE)
             .map(|value| value.to_str().unwrap_or_default().to_owned());
         let bytes = read_body(request.into_body(), limits).await?;
+        digests.check(&bytes).await?;
         if bytes.is_empty() {
             return parse_json(b"{}").map(Self);
         }

@@ -2,11 +2,13 @@
 //! the limit.
 
 mod body;
+mod digest;
 mod json;
 mod multipart;
 mod params;
 
 pub(super) use body::{UploadBody, media_type};
+pub(super) use digest::{CONTENT_DIGEST, REPR_DIGEST};
 pub(super) use json::{JsonBody, unsupported};
 pub(super) use multipart::{Part, read_parts};
-pub(super) use params::{Path, Query, parsed};
+pub(super) use params::{Path, Query, parse_query, parsed, take_repeated};

@@ -94,7 +94,7 @@ impl<T: DeserializeOwned> FromRequestParts<AppState> for Query<T> {
     }
 }
 
-fn parse_query<T: DeserializeOwned>(query: &str) -> ApiResult<T> {
+pub(in crate::http) fn parse_query<T: DeserializeOwned>(query: &str) -> ApiResult<T> {
     let pairs: Vec<(String, String)> = serde_urlencoded::from_str(query)
         .map_err(|error| ApiError::new(ProblemCode::InvalidQuery, format!("the query cannot be read: {error}")))?;
     let deserializer = serde_urlencoded::Deserializer::new(form_urlencoded(query));
@@ -112,6 +112,17 @@ fn parse_query<T: DeserializeOwned>(query: &str) -> ApiResult<T> {
         };
         ApiError::new(ProblemCode::InvalidQuery, detail).field(field)
     })
+}
+
+/// The values of a parameter that may be there more than once, and the query without it.
+pub(in crate::http) fn take_repeated(query: &str, name: &str) -> (Vec<String>, String) {
+    let (taken, rest): (Vec<_>, Vec<_>) = form_urlencoded(query).partition(|(key, _)| key == name);
+    let mut without = form_urlencoded::Serializer::new(String::new());
+    without.extend_pairs(rest);
+    (
+        taken.into_iter().map(|(_, value)| value.into_owned()).collect(),
+        without.finish(),
+    )
 }
 
 fn form_urlencoded(query: &str) -> form_urlencoded::Parse<'_> {
@@ -134,6 +145,15 @@ mod tests {
     fn a_query_is_parsed_by_name() {
         let query: Placement = parse_query("negate=true&resolution=0.05").expect("both");
         assert!(query.negate && (query.resolution - 0.05).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_parameter_that_is_there_more_than_once_is_taken_out() {
+        let (taken, rest) = take_repeated("a=1&label=x%3D%26&label=y&b=%2B", "label");
+        assert_eq!(
+            (taken, rest.as_str()),
+            (vec!["x=&".to_owned(), "y".to_owned()], "a=1&b=%2B")
+        );
     }
 
     #[test]

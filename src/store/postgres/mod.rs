@@ -12,6 +12,7 @@ mod news;
 mod pool;
 mod queue;
 mod sessions;
+mod upkeep;
 mod versions;
 
 use std::time::Duration;
@@ -30,9 +31,9 @@ use super::{
 };
 use crate::failpoint::{self, Point};
 use crate::model::{
-    Constraint, ConstraintId, Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, ResultText, RobotId,
-    RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionNumber,
-    VersionSelector,
+    Constraint, ConstraintId, Job, JobError, JobId, JobState, LabelFilter, MapId, MapRecord, MergeRequest, ResultText,
+    RobotId, RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version,
+    VersionNumber, VersionSelector,
 };
 use pool::{PATIENCE, Trust};
 use queue::Tried;
@@ -171,8 +172,8 @@ impl Store for PostgresStore {
             .await
     }
 
-    async fn list_sessions(&self, page: &Page<SessionId>) -> Result<Vec<Session>, StoreError> {
-        self.within(async { sessions::list(&mut *self.reader().await?, page).await })
+    async fn list_sessions(&self, labels: &LabelFilter, page: &Page<SessionId>) -> Result<Vec<Session>, StoreError> {
+        self.within(async { sessions::list(&mut *self.reader().await?, labels, page).await })
             .await
     }
 
@@ -203,6 +204,7 @@ impl Store for PostgresStore {
     async fn add_map_and_enqueue(&self, add: AddMap, now: Timestamp) -> Result<Added, StoreError> {
         self.within(async {
             let mut tx = self.begin().await?;
+            upkeep::hold_off_marks(&mut tx).await?;
             let added = maps::add_and_enqueue(&mut tx, add, &self.limits, now).await?;
             failpoint::reach(Point::BeforeCommit);
             let session = &added.map.session;
@@ -328,7 +330,9 @@ impl Store for PostgresStore {
     async fn publish_version(&self, lease: &Lease, version: NewVersion, now: Timestamp) -> Result<Version, StoreError> {
         self.within(async {
             let mut tx = self.begin().await?;
+            upkeep::hold_off_marks(&mut tx).await?;
             let ended = queue::succeed(&mut tx, lease, None, &version.timings, now).await?;
+            upkeep::refuse_marked(&mut tx, &version.blobs()).await?;
             if version.reanchors {
                 sessions::reanchor(&mut tx, &ended.session, &version.anchor, now).await?;
             }

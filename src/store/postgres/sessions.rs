@@ -4,7 +4,9 @@ use sqlx::PgConnection;
 
 use super::Failed;
 use super::rows::{self, text};
-use crate::model::{RobotId, RobotSummary, Session, SessionId, SessionPatch, SessionSettings, Timestamp, Title};
+use crate::model::{
+    LabelFilter, RobotId, RobotSummary, Session, SessionId, SessionPatch, SessionSettings, Timestamp, Title,
+};
 use crate::store::{Created, Missing, Page, StoreError};
 
 /// Makes a session or answers the one that stands, and holds it for this transaction either way.
@@ -39,8 +41,9 @@ async fn insert(
     now: Timestamp,
 ) -> Result<Option<Session>, StoreError> {
     let row = sqlx::query(
-        "INSERT INTO sessions (id, title, labels, anchor, auto_merge, method, resolution, created_at, updated_at)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $8)
+        "INSERT INTO sessions (id, title, labels, anchor, auto_merge, method, resolution, keep_versions,
+                               created_at, updated_at)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $9)
          ON CONFLICT (id) DO NOTHING
          RETURNING *",
     )
@@ -51,6 +54,7 @@ async fn insert(
     .bind(settings.auto_merge)
     .bind(text(&settings.method))
     .bind(settings.resolution.map(f64::from))
+    .bind(settings.keep_versions.map(|keep| i64::from(keep.get())))
     .bind(now.as_microsecond())
     .fetch_optional(db)
     .await
@@ -88,13 +92,28 @@ fn missing(id: &SessionId) -> StoreError {
     StoreError::NotFound(Missing::Session(id.clone()))
 }
 
-pub(super) async fn list(db: &mut PgConnection, page: &Page<SessionId>) -> Result<Vec<Session>, StoreError> {
-    let found = sqlx::query("SELECT * FROM sessions WHERE id > $1 ORDER BY id LIMIT $2")
-        .bind(page.after.as_ref().map_or("", SessionId::as_str))
-        .bind(i64::from(page.size))
-        .fetch_all(db)
-        .await
-        .failed()?;
+pub(super) async fn list(
+    db: &mut PgConnection,
+    labels: &LabelFilter,
+    page: &Page<SessionId>,
+) -> Result<Vec<Session>, StoreError> {
+    let found = sqlx::query(
+        "SELECT * FROM sessions
+         WHERE id > $1 AND NOT EXISTS (
+             SELECT 1 FROM json_each_text($3::JSON) AS wanted
+             WHERE NOT EXISTS (
+                 SELECT 1 FROM json_each_text(sessions.labels::JSON) AS label
+                 WHERE label.key = wanted.key AND (wanted.value IS NULL OR label.value = wanted.value)
+             )
+         )
+         ORDER BY id LIMIT $2",
+    )
+    .bind(page.after.as_ref().map_or("", SessionId::as_str))
+    .bind(i64::from(page.size))
+    .bind(text(labels))
+    .fetch_all(db)
+    .await
+    .failed()?;
     found.iter().map(rows::session).collect()
 }
 
@@ -117,7 +136,8 @@ pub(super) async fn update(db: &mut PgConnection, session: Session, now: Timesta
     let settings = &session.settings;
     sqlx::query(
         "UPDATE sessions
-         SET title = $2, labels = $3, anchor = $4, auto_merge = $5, method = $6, resolution = $7, updated_at = $8
+         SET title = $2, labels = $3, anchor = $4, auto_merge = $5, method = $6, resolution = $7,
+             keep_versions = $8, updated_at = $9
          WHERE id = $1",
     )
     .bind(session.id.as_str())
@@ -127,6 +147,7 @@ pub(super) async fn update(db: &mut PgConnection, session: Session, now: Timesta
     .bind(settings.auto_merge)
     .bind(text(&settings.method))
     .bind(settings.resolution.map(f64::from))
+    .bind(settings.keep_versions.map(|keep| i64::from(keep.get())))
     .bind(now.as_microsecond())
     .execute(db)
     .await

@@ -3,7 +3,7 @@
 use sqlx::SqliteConnection;
 
 use super::rows::{self, cells, text};
-use super::{Failed, jobs, sessions};
+use super::{Failed, jobs, sessions, upkeep};
 use crate::model::{MapId, MapRecord, RobotId, SessionId, Timestamp};
 use crate::store::{AddMap, Added, Missing, Page, QueueLimits, StoreError};
 
@@ -39,6 +39,7 @@ pub(super) async fn add_and_enqueue(
         job,
         received_at: now,
     };
+    upkeep::refuse_marked(db, &[map.map.blob]).await?;
     insert(db, &map).await?;
     Ok(Added { map, created: true })
 }

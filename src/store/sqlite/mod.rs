@@ -9,6 +9,7 @@ mod keys;
 mod maps;
 mod queue;
 mod sessions;
+mod upkeep;
 mod versions;
 
 use std::fs::{File, TryLockError};
@@ -28,9 +29,9 @@ use super::{
 };
 use crate::failpoint::{self, Point};
 use crate::model::{
-    Constraint, ConstraintId, Job, JobError, JobId, JobState, MapId, MapRecord, MergeRequest, ResultText, RobotId,
-    RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionNumber,
-    VersionSelector,
+    Constraint, ConstraintId, Job, JobError, JobId, JobState, LabelFilter, MapId, MapRecord, MergeRequest, ResultText,
+    RobotId, RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version,
+    VersionNumber, VersionSelector,
 };
 
 /// Records in one SQLite file.
@@ -99,6 +100,45 @@ impl SqliteStore {
             Err(error) => return Err(error),
         }
         Ok(store)
+    }
+
+    /// Writes all records as they are at one moment into a new file, while others write.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`], also when the file is there already.
+    pub async fn copy_to(&self, file: &Path) -> Result<(), StoreError> {
+        let name = file
+            .to_str()
+            .ok_or_else(|| unavailable("the file's name is not UTF-8"))?;
+        sqlx::query("VACUUM INTO ?1")
+            .bind(name)
+            .execute(&mut *self.writer.acquire().await.failed()?)
+            .await
+            .failed()?;
+        File::open(file).and_then(|copy| copy.sync_all()).map_err(unavailable)
+    }
+
+    /// What the database itself finds wrong with its file, a sentence each.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`].
+    pub async fn faults(&self) -> Result<Vec<String>, StoreError> {
+        let mut db = self.reader().await?;
+        let mut faults: Vec<String> = sqlx::query_scalar("PRAGMA integrity_check")
+            .fetch_all(&mut *db)
+            .await
+            .failed()?;
+        faults.retain(|fault| fault != "ok");
+        let dangling =
+            sqlx::query("SELECT \"table\" AS name, COUNT(*) AS count FROM pragma_foreign_key_check GROUP BY 1")
+                .fetch_all(&mut *db)
+                .await
+                .failed()?;
+        for row in &dangling {
+            let (name, count): (String, i64) = (rows::value(row, "name")?, rows::value(row, "count")?);
+            faults.push(format!("{count} rows of table {name} refer to rows that are not there"));
+        }
+        Ok(faults)
     }
 
     async fn connect(file: &Path, limits: QueueLimits) -> Result<Self, StoreError> {
@@ -237,8 +277,8 @@ impl Store for SqliteStore {
         sessions::get(&mut *self.reader().await?, id).await
     }
 
-    async fn list_sessions(&self, page: &Page<SessionId>) -> Result<Vec<Session>, StoreError> {
-        sessions::list(&mut *self.reader().await?, page).await
+    async fn list_sessions(&self, labels: &LabelFilter, page: &Page<SessionId>) -> Result<Vec<Session>, StoreError> {
+        sessions::list(&mut *self.reader().await?, labels, page).await
     }
 
     async fn patch_session(&self, id: &SessionId, patch: SessionPatch, now: Timestamp) -> Result<Session, StoreError> {
@@ -359,6 +399,7 @@ impl Store for SqliteStore {
     async fn publish_version(&self, lease: &Lease, version: NewVersion, now: Timestamp) -> Result<Version, StoreError> {
         let mut tx = self.begin().await?;
         let ended = queue::succeed(&mut tx, lease, None, &version.timings, now).await?;
+        upkeep::refuse_marked(&mut tx, &version.blobs()).await?;
         if version.reanchors {
             sessions::reanchor(&mut tx, &ended.session, &version.anchor, now).await?;
         }

@@ -1,9 +1,13 @@
 //! Sessions in SQLite.
 
+use std::num::NonZeroU32;
+
 use sqlx::SqliteConnection;
 
 use super::{Failed, rows, text};
-use crate::model::{RobotId, RobotSummary, Session, SessionId, SessionPatch, SessionSettings, Timestamp, Title};
+use crate::model::{
+    LabelFilter, RobotId, RobotSummary, Session, SessionId, SessionPatch, SessionSettings, Timestamp, Title,
+};
 use crate::store::{Created, Missing, Page, StoreError};
 
 pub(super) async fn create(
@@ -22,8 +26,9 @@ pub(super) async fn create(
         });
     }
     sqlx::query(
-        "INSERT INTO sessions (id, title, labels, anchor, auto_merge, method, resolution, created_at, updated_at)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?8)",
+        "INSERT INTO sessions (id, title, labels, anchor, auto_merge, method, resolution, keep_versions,
+                               created_at, updated_at)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?9)",
     )
     .bind(id.as_str())
     .bind(settings.title.as_ref().map(Title::as_str))
@@ -32,6 +37,7 @@ pub(super) async fn create(
     .bind(settings.auto_merge)
     .bind(text(&settings.method))
     .bind(settings.resolution.map(f64::from))
+    .bind(settings.keep_versions.map(NonZeroU32::get))
     .bind(now.as_microsecond())
     .execute(db)
     .await
@@ -63,13 +69,28 @@ pub(super) async fn get(db: &mut SqliteConnection, id: &SessionId) -> Result<Ses
         .ok_or_else(|| StoreError::NotFound(Missing::Session(id.clone())))
 }
 
-pub(super) async fn list(db: &mut SqliteConnection, page: &Page<SessionId>) -> Result<Vec<Session>, StoreError> {
-    let found = sqlx::query("SELECT * FROM sessions WHERE id > ?1 ORDER BY id LIMIT ?2")
-        .bind(page.after.as_ref().map_or("", SessionId::as_str))
-        .bind(page.size)
-        .fetch_all(db)
-        .await
-        .failed()?;
+pub(super) async fn list(
+    db: &mut SqliteConnection,
+    labels: &LabelFilter,
+    page: &Page<SessionId>,
+) -> Result<Vec<Session>, StoreError> {
+    let found = sqlx::query(
+        "SELECT * FROM sessions
+         WHERE id > ?1 AND NOT EXISTS (
+             SELECT 1 FROM json_each(?3) AS wanted
+             WHERE NOT EXISTS (
+                 SELECT 1 FROM json_each(sessions.labels) AS label
+                 WHERE label.key = wanted.key AND (wanted.value IS NULL OR label.value = wanted.value)
+             )
+         )
+         ORDER BY id LIMIT ?2",
+    )
+    .bind(page.after.as_ref().map_or("", SessionId::as_str))
+    .bind(page.size)
+    .bind(text(labels))
+    .fetch_all(db)
+    .await
+    .failed()?;
     found.iter().map(rows::session).collect()
 }
 
@@ -92,7 +113,8 @@ pub(super) async fn update(db: &mut SqliteConnection, session: Session, now: Tim
     let settings = &session.settings;
     sqlx::query(
         "UPDATE sessions
-         SET title = ?2, labels = ?3, anchor = ?4, auto_merge = ?5, method = ?6, resolution = ?7, updated_at = ?8
+         SET title = ?2, labels = ?3, anchor = ?4, auto_merge = ?5, method = ?6, resolution = ?7,
+             keep_versions = ?8, updated_at = ?9
          WHERE id = ?1",
     )
     .bind(session.id.as_str())
@@ -102,6 +124,7 @@ pub(super) async fn update(db: &mut SqliteConnection, session: Session, now: Tim
     .bind(settings.auto_merge)
     .bind(text(&settings.method))
     .bind(settings.resolution.map(f64::from))
+    .bind(settings.keep_versions.map(NonZeroU32::get))
     .bind(now.as_microsecond())
     .execute(db)
     .await

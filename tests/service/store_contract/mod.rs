@@ -10,6 +10,7 @@ mod looking;
 mod maps;
 pub(crate) mod prelude;
 mod sessions;
+mod upkeep;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -23,6 +24,7 @@ pub(crate) use leases::*;
 pub(crate) use looking::*;
 pub(crate) use maps::*;
 pub(crate) use sessions::*;
+pub(crate) use upkeep::*;
 
 /// Small enough to be met.
 pub(crate) const LIMITS: QueueLimits = QueueLimits {
@@ -95,6 +97,13 @@ macro_rules! contract {
             constraints_go_with_their_session,
             a_version_that_repeats_an_earlier_one_says_which,
             a_version_that_moves_the_anchor_moves_that_of_its_session_in_one_step,
+            sessions_are_found_by_their_labels,
+            old_versions_go_with_the_maps_that_only_they_were_made_of,
+            maps_that_a_merge_may_still_take_stay,
+            only_blobs_that_no_record_names_are_marked,
+            a_record_that_names_a_marked_blob_is_refused_whole,
+            a_mark_is_taken_away_only_by_who_saw_it_as_it_is,
+            marks_and_records_never_meet_halfway,
             changes_are_announced_to_those_who_listen,
             many_tasks_that_claim_at_once_get_each_job_once,
             many_sessions_and_workers_publish_without_gaps_or_doubles,

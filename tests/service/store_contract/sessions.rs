@@ -1,6 +1,7 @@
 //! Sessions.
 
 use super::prelude::*;
+use mapweld::model::LabelFilter;
 
 // Sessions
 
@@ -89,13 +90,24 @@ pub(crate) async fn sessions_are_listed_by_name_page_after_page(store: AnyStore)
         quiet_session(&store, name).await;
     }
     let names = |page: Vec<Session>| page.into_iter().map(|s| s.id.to_string()).collect::<Vec<_>>();
-    let first = store.list_sessions(&Page::first(2)).await.expect("a list");
+    let first = store
+        .list_sessions(&LabelFilter::default(), &Page::first(2))
+        .await
+        .expect("a list");
     assert_eq!(names(first), ["a", "b"]);
     let page = Page {
         after: Some(session("b")),
         size: 2,
     };
-    assert_eq!(names(store.list_sessions(&page).await.expect("a list")), ["c"]);
+    assert_eq!(
+        names(
+            store
+                .list_sessions(&LabelFilter::default(), &page)
+                .await
+                .expect("a list")
+        ),
+        ["c"]
+    );
 }
 
 pub(crate) async fn names_are_ordered_byte_by_byte_whatever_the_database_thinks_of_hyphens(store: AnyStore) {
@@ -106,7 +118,12 @@ pub(crate) async fn names_are_ordered_byte_by_byte_whatever_the_database_thinks_
     let mut after = None;
     loop {
         let page = Page { after, size: 1 };
-        let Some(next) = store.list_sessions(&page).await.expect("a list").pop() else {
+        let Some(next) = store
+            .list_sessions(&LabelFilter::default(), &page)
+            .await
+            .expect("a list")
+            .pop()
+        else {
             break;
         };
         seen.push(next.id.to_string());
