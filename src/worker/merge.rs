@@ -57,8 +57,10 @@ impl Work for Merges {
         let newest = self.store.newest_maps(&job.session).await?;
         let mut order = Order::new(&session, newest, &job.request)?;
         let standing = self.store.list_constraints(&job.session, &all_constraints()).await?;
-        order.steer(job, standing, &BTreeMap::new())?;
-        let inputs = self.load(&order).await?;
+        let earlier = self.earlier(&job.session, &order.maps, order.anchor()).await?;
+        order.steer(job, standing, &earlier.poses)?;
+        let mut inputs = self.load(&order).await?;
+        self.put_earlier(&earlier, &order.maps, &mut inputs).await?;
         times.end("load");
 
         progress.stage("weld", LOADED);
@@ -238,6 +240,10 @@ impl Order {
         let robots = self.robots();
         self.steered = Steered::new(job, standing, &robots[self.anchor], &robots, earlier)?;
         Ok(())
+    }
+
+    fn anchor(&self) -> &RobotId {
+        &self.maps[self.anchor].robot
     }
 
     fn robots(&self) -> Vec<RobotId> {

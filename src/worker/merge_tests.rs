@@ -6,7 +6,7 @@ use tempfile::TempDir;
 use tokio_util::sync::CancellationToken;
 
 use super::*;
-use crate::api::Timings;
+use crate::api::{Basis, Timings};
 use crate::clock::{Clock, Ids, SystemClock, SystemIds};
 use crate::geometry::{Angle, Pose2};
 use crate::grid::{Lattice, LogOdds, OccupancyGrid};
@@ -299,6 +299,64 @@ async fn no_method_publishes_a_robot_below_its_threshold_unless_it_is_asked_to()
         assert_eq!(published, [(1, name), (2, name)], "{name}");
     }
     assert_eq!(deciding_by_it, MethodName::ALL.len() - 1);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_merge_of_newer_maps_looks_first_where_the_version_before_placed_them() {
+    let bench = Bench::new().await;
+    let (left, right, truth) = two_maps();
+    bench.push("r1", &left).await;
+    bench.push("r2", &right).await;
+    bench.run_all().await;
+    let basis = |result: &MergeResult, name: &str| {
+        let map = result.maps.iter().find(|map| map.name == name).expect("told");
+        map.basis
+    };
+    assert_eq!(
+        basis(&without_timings(&bench.latest().await), "r2"),
+        Some(Basis::Registered)
+    );
+
+    let mut grown = right.clone();
+    grown.cells_mut()[0] = LogOdds::FREE;
+    bench.push("r2", &grown).await;
+    bench.run_all().await;
+    let result = without_timings(&bench.latest().await);
+    assert_eq!(basis(&result, "r2"), Some(Basis::KnownPose));
+    let error = truth.inverse() * pose_of(&result, "r2");
+    assert!(
+        error.x().hypot(error.y()) < 0.1 && error.yaw().magnitude() < 0.01,
+        "{error:?}"
+    );
+
+    // another anchor: told in its frame
+    let request = MergeRequest {
+        anchor: Some(name("r2")),
+        ..MergeRequest::default()
+    };
+    bench.push("r1", &grown_left(&left)).await;
+    bench.run_all().await;
+    bench.ask(request).await;
+    bench.run_all().await;
+    let error = truth * pose_of(&without_timings(&bench.latest().await), "r1");
+    assert!(
+        error.x().hypot(error.y()) < 0.1 && error.yaw().magnitude() < 0.01,
+        "{error:?}"
+    );
+
+    // the very maps of the version before: looked for everywhere again
+    bench.ask(MergeRequest::default()).await;
+    bench.run_all().await;
+    assert_eq!(
+        basis(&without_timings(&bench.latest().await), "r1"),
+        Some(Basis::Registered)
+    );
+}
+
+fn grown_left(left: &OccupancyGrid) -> OccupancyGrid {
+    let mut grown = left.clone();
+    grown.cells_mut()[1] = LogOdds::FREE;
+    grown
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -6,6 +6,7 @@
 //! A job is claimed, done by its [`Work`] while its lease is renewed, and settled: published, failed, cancelled or given
 //! back. Whatever goes wrong with one job, a panic included, ends that job only.
 
+mod earlier;
 mod lease;
 mod memory;
 mod merge;

@@ -75,6 +75,39 @@ impl Database {
     }
 }
 
+impl Database {
+    /// All tables with their rows, as statements.
+    pub(crate) fn dump(&self) -> String {
+        let told = Command::new("pg_dump")
+            .args(["--no-owner", "--no-privileges", "--username=postgres", "--host"])
+            .arg(&self.socket)
+            .arg(&self.name)
+            .output()
+            .expect("pg_dump runs");
+        assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
+        let text = String::from_utf8(told.stdout).expect("text");
+        // commands of psql itself, which older ones do not know
+        text.lines()
+            .filter(|line| !line.starts_with('\\') || *line == "\\.")
+            .flat_map(|line| [line, "\n"])
+            .collect()
+    }
+
+    /// Runs the statements of a file.
+    pub(crate) fn load(&self, file: &Path) {
+        let told = Command::new("psql")
+            .args(["--no-psqlrc", "--quiet", "--username=postgres", "--host"])
+            .arg(&self.socket)
+            .args(["--dbname", &self.name, "--set=ON_ERROR_STOP=1", "--file"])
+            .arg(file)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .output()
+            .expect("psql runs");
+        assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
+    }
+}
+
 /// The cluster. It ends, and its folder is removed, when the pipe to its keeper closes: that is when this process ends,
 /// however it ends.
 struct Cluster {

@@ -16,6 +16,7 @@ mod push_command;
 pub(crate) mod rooms;
 mod server;
 mod steering;
+mod upgrade;
 mod upkeep;
 mod uploads;
 mod versions;

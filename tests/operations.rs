@@ -1,0 +1,75 @@
+//! The page for operators says what the command says.
+#![cfg(feature = "server")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Command};
+use mapweld::config::ServeConfig;
+
+const BEGIN: &str = "<!-- settings: begin -->\n";
+const END: &str = "<!-- settings: end -->";
+
+fn page() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/operations.md")
+}
+
+/// The table of all settings as the command defines them.
+fn table() -> String {
+    let command = ServeConfig::augment_args(Command::new("serve"));
+    let mut table = "| option | variable | default | what |\n|---|---|---|---|\n".to_owned();
+    for argument in command.get_arguments().filter(|argument| !argument.is_hide_set()) {
+        let option = argument.get_long().expect("every setting has a long option");
+        let variable = argument.get_env().expect("every setting has a variable");
+        let variable = variable.to_str().expect("a readable name");
+        let defaults: Vec<_> = argument
+            .get_default_values()
+            .iter()
+            .filter_map(|value| value.to_str())
+            .collect();
+        let default = match defaults[..] {
+            ["false"] | [] => String::new(),
+            [default] => format!("`{default}`"),
+            _ => panic!("--{option} has several defaults"),
+        };
+        let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
+        let help = help.trim().trim_end_matches('.').replace('|', "\\|");
+        assert!(!help.is_empty(), "--{option} says nothing of itself");
+        table += &format!("| `--{option}` | `{variable}` | {default} | {help}. |\n");
+    }
+    table
+}
+
+#[test]
+fn the_table_of_settings_is_the_one_that_the_command_defines() {
+    let text = fs::read_to_string(page()).expect("the page is there");
+    let (before, rest) = text.split_once(BEGIN).expect("the table's begin");
+    let (written, after) = rest.split_once(END).expect("the table's end");
+    let defined = table();
+    if std::env::var_os("MAPWELD_WRITE_DOCS").is_some() {
+        fs::write(page(), format!("{before}{BEGIN}{defined}{END}{after}")).expect("the page can be written");
+        return;
+    }
+    assert!(
+        written == defined,
+        "the table of settings in docs/operations.md is stale; write it anew: \
+         MAPWELD_WRITE_DOCS=1 cargo test --test operations\n\n{defined}"
+    );
+}
+
+#[test]
+fn every_variable_has_the_name_of_its_option() {
+    let command = ServeConfig::augment_args(Command::new("serve"));
+    let mut seen = 0;
+    for argument in command.get_arguments() {
+        let option = argument
+            .get_long()
+            .expect("a long option")
+            .to_uppercase()
+            .replace('-', "_");
+        let variable = argument.get_env().and_then(|name| name.to_str()).expect("a variable");
+        assert_eq!(variable, format!("MAPWELD_{option}"));
+        seen += 1;
+    }
+    assert!(seen > 15, "found only {seen} settings: the walk is broken");
+}
