@@ -16,7 +16,7 @@ use crate::store::{Page, Store, StoreError};
 /// Copy a server's records and bytes into a new folder, beside the server or without it.
 ///
 /// The records are those of one moment; every byte is checked on its way. Serve the copy with `mapweld serve --data`.
-/// For records in PostgreSQL use pg_dump: see docs/operations.md.
+/// For records in PostgreSQL use `pg_dump`: see docs/operations.md.
 #[derive(Debug, Args)]
 pub(super) struct Backup {
     /// Folder of the database and the blobs.
