@@ -84,10 +84,12 @@ pub struct Pruned {
 /// [`StoreError::BlobBusy`], [`StoreError::Unavailable`].
 pub async fn keep_blob(store: &dyn Store, blobs: &Blobs, bytes: Bytes, now: Timestamp) -> Result<BlobKey, StoreError> {
     let (key, bytes) = super::blobs::hashed(bytes).await?;
-    for _ in 0..KEEP_TRIES {
+    for pause in KEEP_PAUSES {
         let mark = store.blob_mark(key).await?;
         if mark.is_some_and(|mark| !mark.is_over(now)) {
-            return Err(StoreError::BlobBusy(key));
+            // a removal takes some milliseconds
+            tokio::time::sleep(pause).await;
+            continue;
         }
         blobs.put_hashed(key, bytes.clone()).await?;
         match mark {
@@ -98,5 +100,11 @@ pub async fn keep_blob(store: &dyn Store, blobs: &Blobs, bytes: Bytes, now: Time
     Err(StoreError::BlobBusy(key))
 }
 
-/// How often bytes are written again because somebody else was quicker with their mark.
-const KEEP_TRIES: u32 = 4;
+/// The pauses before bytes that are being removed are looked at again.
+const KEEP_PAUSES: [Duration; 5] = [
+    Duration::from_millis(50),
+    Duration::from_millis(100),
+    Duration::from_millis(200),
+    Duration::from_millis(400),
+    Duration::from_millis(800),
+];
