@@ -143,6 +143,7 @@ async fn make_the_fixture_of_this_release() {
     let [data, to] = [server.folder(), &to].map(|path| path.to_str().expect("a readable path").to_owned());
     let copied = mapweld(&["backup", "--data", &data, "--to", &to]);
     assert_eq!(copied.status.code(), Some(0), "{copied:?}");
+    std::fs::remove_file(Path::new(&to).join("mapweld.lock")).expect("it was left by the backup");
 
     let database = Database::fresh().expect("a fixture of both databases needs both");
     let server = TestServer::start(&["--database-url", &database.url()]);
