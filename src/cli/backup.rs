@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::Args;
 
-use super::home::{open_file_beside, open_blobs_at};
+use super::home::{open_blobs_at, open_file_beside};
 use super::runtime::block_on;
 use super::{Done, Failure, files, say};
 use crate::config::BlobPlace;

@@ -8,9 +8,9 @@ use reqwest::StatusCode;
 use serde_json::{Value, json};
 
 use super::command::mapweld;
-use crate::postgres::Database;
 use super::rooms::{Files, scrap};
 use super::server::TestServer;
+use crate::postgres::Database;
 
 fn fixtures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures")
