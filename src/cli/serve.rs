@@ -156,10 +156,16 @@ fn worker(rooms: &Rooms, config: &ServeConfig, at_once: NonZeroUsize) -> Worker 
         at_once,
         lease: config.work.lease,
         deadline: config.work.job_deadline,
-        ..WorkerSettings::new(format!("mapweld-{}", std::process::id()))
+        ..WorkerSettings::new(name())
     };
     let clock: Arc<dyn Clock> = Arc::clone(&rooms.clock);
     Worker::new(Arc::clone(&rooms.store), Arc::new(merges), clock, settings)
+}
+
+/// What this process is called in the queue. In containers the number alone is the same for all.
+fn name() -> String {
+    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    format!("mapweld-{}-{}", host.trim(), std::process::id())
 }
 
 async fn work(worker: Worker, stop: CancellationToken) {

@@ -72,8 +72,8 @@ fn named(line: &str) -> Option<&str> {
         | ["CREATE", "UNIQUE", "INDEX", name, ..]
         | ["ALTER", "TABLE", _, "ADD", "COLUMN" | "CONSTRAINT", name, ..]
         | ["ADD", "COLUMN" | "CONSTRAINT", name, ..]
-        | ["CONSTRAINT", name, ..] => Some(name),
-        [
+        | ["CONSTRAINT", name, ..]
+        | [
             name,
             "TEXT" | "INTEGER" | "REAL" | "BLOB" | "BIGINT" | "DOUBLE" | "BOOLEAN" | "BYTEA",
             ..,

@@ -17,7 +17,7 @@ use super::{Dice, full_form, tell};
 
 /// Kills among the other tests.
 const SHORT: usize = 16;
-/// After so many kills everything is compared, and other sessions are begun.
+/// After so many kills their sessions are compared, and others are begun; all are compared at the end.
 const EPOCH: usize = 10;
 /// Short leases: a killed server's jobs go on soon. Attempts without end: a job is begun anew after every kill.
 const OPTIONS: [&str; 8] = [
@@ -56,11 +56,20 @@ async fn survive(name: &str, home: &Home, seed: u64) {
     let mut counted = None;
     for kill in 0..kills {
         let (acknowledged, death) = until_death(home, kill, &client, &seeds, &mut dice).await;
-        acknowledged.into_iter().for_each(|ack| ledger.add(ack));
+        for ack in acknowledged {
+            ledger.add(ack);
+        }
         *deaths.entry(death).or_default() += 1;
-        if (kill + 1) % EPOCH == 0 || kill + 1 == kills {
+        let is_last = kill + 1 == kills;
+        if (kill + 1) % EPOCH == 0 || is_last {
             let server = Replica::up(home, &OPTIONS);
-            counted = Some(ledger.audit(&client, server.url()).await);
+            // at the end everything, and meanwhile what is new
+            let sessions = if is_last {
+                "hall-".to_owned()
+            } else {
+                format!("hall-{}-", kill / EPOCH)
+            };
+            counted = Some(ledger.audit_of(&client, server.url(), &sessions).await);
             server.kill();
         }
     }

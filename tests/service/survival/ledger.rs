@@ -59,8 +59,14 @@ impl Ledger {
     /// Waits until every job has ended, then compares everything. Panics at the first thing that is not as it was
     /// promised.
     pub(super) async fn audit(&mut self, client: &Client, url: &str) -> Counted {
+        self.audit_of(client, url, "").await
+    }
+
+    /// As [`Self::audit`], of the sessions whose names begin like this.
+    pub(super) async fn audit_of(&mut self, client: &Client, url: &str, begins: &str) -> Counted {
         let mut counted = Counted::default();
-        for session in self.acknowledged.keys().cloned().collect::<Vec<_>>() {
+        let sessions = self.acknowledged.keys().filter(|session| session.starts_with(begins));
+        for session in sessions.cloned().collect::<Vec<_>>() {
             let here = self.audit_session(client, url, &session).await;
             counted.maps += here.maps;
             counted.jobs += here.jobs;
