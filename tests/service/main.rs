@@ -5,6 +5,7 @@
     reason = "tests of promises about time look at the clock"
 )]
 
+mod blobs;
 mod migrations;
 mod postgres;
 mod store_contract;

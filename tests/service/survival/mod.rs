@@ -4,6 +4,7 @@
 //! Each test has a short form, which runs with all the others, and a full form: `MAPWELD_KILLS=300` for the kills,
 //! `MAPWELD_JOBS=200` for the replicas. Each prints its figures on standard error.
 
+mod container;
 mod database_outage;
 mod folder_outage;
 mod home;
@@ -14,6 +15,7 @@ mod recovery;
 mod replica;
 mod replicas;
 mod stop;
+mod watching;
 
 use std::io::Write as _;
 use std::time::Duration;
