@@ -3,31 +3,36 @@
 //! Method. Distinctness tells right from wrong, not goodness of fit: a hypothesis is accepted when no other, at least 0.7 m
 //! away, explains the maps comparably. Comparably under which model of the maps' noise, is the question: walls that stand
 //! in free space speak against a hypothesis all the more, the cleaner the maps are, and nobody knows how clean they are.
-//! So each hypothesis gets three scores, and four rules each name the hypothesis that they would accept:
 //!
-//! 1. `plain`: maps as robots make them. Significance (see `score`) with misses = 2 straight + 0.5 clutter + 0.5 crossed
-//!    and the chance rate 0.45.
-//! 2. `strict`: clean maps, where a wall in free space is near-proof against. Misses = 5 straight + 1.5 clutter +
-//!    0.5 crossed, chance rate 0.5. It settles places that repeat, where each explains the maps nearly as well.
-//! 3. `coarse`: wide or cluttered places at coarse cells, where even the truth is contradicted here and there, but all
-//!    else finds next to nothing: share found - 0.6 of the contradicted, against a chance rate measured on THESE two maps:
-//!    the greatest share found that any other hypothesis of comparable extent reaches.
-//! 4. `bent`: great maps that fit only in part: so much wall is found as nowhere else.
+//! 1. Each hypothesis gets scores n KL(q || q0) (see `score`) under four models: `plain` (maps as robots make them),
+//!    `strict` (clean maps, where a wall in free space is near-proof against), `lax` (drift and noise), `deep` (only what
+//!    stands deep in free space counts, which no noise explains).
+//! 2. The probability that it is right, P = 1 / (1 + exp(-w . x)), where x holds the logarithms of its scores, those of
+//!    the ratios of its best rival's scores to its own, the share of the maps that it explains, the greatest share found
+//!    of any rival of comparable extent (what chance, or the building's own repetition, reaches on THESE two maps), and
+//!    what holds the weaker direction. Accepted from `posterior_min` on.
+//! 3. Whatever P says, it is refused when a rival stands by itself under the strict model (two self-consistent
+//!    explanations), when too much is contradicted, when the weaker direction is not held, when another hypothesis finds
+//!    many times more wall, or when great maps agree in a small corner only: more wall, more chances.
+//! 4. `same`: all but `same_max` of the walls of both maps are found, and no rival has half of the score. P would mistrust
+//!    such a pair, since equal rooms of one building look like that, but for a last few walls.
+//! 5. `bent`: great maps that fit only in part, by any model: so much wall is found as nowhere else.
 //!
-//! The rules must not name two hypotheses. 1 and 2 also refuse when another hypothesis finds much more wall, even
-//! though with more contradictions, and the least score grows with the maps: more wall, more chances.
+//! Rules 2, 4 and 5 must not name two hypotheses.
 //!
 //! How it was fitted, and what it reaches: see the module's root.
 
-use super::params::{DecisionParameters, RuleParameters};
+use super::params::{DecisionParameters, PosteriorWeights};
 use super::placement::{Moments, Placement};
 use super::refine::Refined;
-use super::score::{Score, Tally, kullback};
+use super::score::{Score, kullback};
 
 /// Hypotheses nearer than this are one, metres.
 pub(super) const RIVAL_M: f64 = 0.7;
 /// The same for maps that are bent.
 const BENT_RIVAL_M: f64 = 1.5;
+/// A rival is of comparable extent from this share of the wall found on.
+const COMPARABLE: f32 = 0.3;
 /// Added to both scores of a ratio, so that it means nothing when both are tiny.
 const OFFSET: f32 = 5.0;
 
@@ -38,7 +43,8 @@ pub(super) struct Finalist {
     pub(super) score: Score,
     pub(super) plain: f32,
     strict: f32,
-    coarse: f32,
+    lax: f32,
+    deep: f32,
     bent: f32,
     /// Samples that hold the weaker direction.
     pub(super) support: f32,
@@ -67,7 +73,12 @@ impl Finalist {
             score,
             plain: kullback(mean.soft, misses(2.0, 0.5), 0.45),
             strict: kullback(mean.soft, misses(5.0, 1.5), 0.5),
-            coarse: mean.soft - 0.6 * contradicted(mean),
+            lax: kullback(mean.soft, mean.violated() + 0.3 * mean.crossed, 0.4),
+            deep: kullback(
+                mean.soft + 0.3 * mean.near,
+                2.0 * mean.deep_straight + 0.5 * mean.deep_clutter + 0.3 * mean.crossed,
+                0.45,
+            ),
             bent: (mean.soft + 0.5 * mean.near - 0.25 * mean.violated()).max(0.0),
             support,
             free_direction,
@@ -78,11 +89,6 @@ impl Finalist {
         self.refined.placement
     }
 
-    /// Straight walls deep in free space, in shares of what is found: no matter of noise.
-    fn deep_share(&self) -> f32 {
-        self.score.mean.deep_straight / self.score.mean.soft.max(1.0)
-    }
-
     /// Wall samples of both maps, their mean.
     fn extent(&self) -> f32 {
         let mean = &self.score.mean;
@@ -90,14 +96,9 @@ impl Finalist {
     }
 }
 
-/// All that speaks against a hypothesis, for the coarse rule.
-fn contradicted(mean: &Tally) -> f32 {
-    mean.violated() + 0.3 * mean.crossed
-}
-
 /// Best first by the plain score; hypotheses that came to lie together are one.
 pub(super) fn rank(mut finalists: Vec<Finalist>, moving: Moments) -> Vec<Finalist> {
-    finalists.sort_by(|a, b| b.plain.total_cmp(&a.plain).then(b.coarse.total_cmp(&a.coarse)));
+    finalists.sort_by(|a, b| b.plain.total_cmp(&a.plain).then(b.bent.total_cmp(&a.bent)));
     let mut ranked: Vec<Finalist> = Vec::new();
     for finalist in finalists {
         let apart =
@@ -118,34 +119,27 @@ pub(super) fn rival(ranked: &[Finalist], index: usize, moving: Moments) -> Optio
 /// Decides, and puts the hypothesis that it speaks of in front.
 pub(super) fn decide(ranked: &mut [Finalist], moving: Moments, parameters: &DecisionParameters) -> Verdict {
     let field = Field { ranked, moving };
-    let plain = field
-        .distinct(|f| f.plain, &parameters.plain, parameters)
-        .filter(|&index| ranked[index].deep_share() <= parameters.deep_max);
-    let strict = field
-        .distinct(|f| f.strict, &parameters.strict, parameters)
-        .filter(|&index| field.settled(index, parameters));
-    let coarse = field.coarse(parameters);
+    let likely = field.same(parameters).or_else(|| field.likely(parameters));
     let bent = field.bent(parameters);
     let same = if bent.is_some() { 1.0 } else { RIVAL_M };
-    let named: Vec<usize> = [plain, strict, coarse, bent].into_iter().flatten().collect();
-    if let Some(&chosen) = named.first() {
-        let me = ranked[chosen].placement();
-        if named
-            .iter()
-            .all(|&other| ranked[other].placement().distance(me, moving) <= same)
-        {
-            ranked[..=chosen].rotate_right(1);
-            return Verdict::Accept;
+    match (likely, bent) {
+        (Some(one), Some(other)) if ranked[one].placement().distance(ranked[other].placement(), moving) > same => {
+            Verdict::Ambiguous
         }
-        return Verdict::Ambiguous;
-    }
-    let top = &ranked[0];
-    if top.plain <= field.least(0, &parameters.plain, parameters) {
-        Verdict::NoOverlap
-    } else if top.support <= parameters.plain.support_min_m * 10.0 {
-        Verdict::UnderConstrained
-    } else {
-        Verdict::Ambiguous
+        (Some(chosen), _) | (None, Some(chosen)) => {
+            ranked[..=chosen].rotate_right(1);
+            Verdict::Accept
+        }
+        (None, None) => {
+            let top = &ranked[0];
+            if top.plain <= parameters.score_min {
+                Verdict::NoOverlap
+            } else if top.support <= 10.0 * parameters.support_min_m {
+                Verdict::UnderConstrained
+            } else {
+                Verdict::Ambiguous
+            }
+        }
     }
 }
 
@@ -159,11 +153,11 @@ pub(super) fn confirm(
 ) -> Verdict {
     let mean = &finalist.score.mean;
     let share = mean.soft / (mean.soft + mean.violated()).max(1.0);
-    if finalist.placement().distance(expected, moving) > RIVAL_M || share < parameters.coarse.share_min {
+    if finalist.placement().distance(expected, moving) > RIVAL_M || share < parameters.share_min {
         Verdict::NoOverlap
-    } else if finalist.support <= 10.0 * parameters.plain.support_min_m {
+    } else if finalist.support <= 10.0 * parameters.support_min_m {
         Verdict::UnderConstrained
-    } else if finalist.plain > parameters.plain.score_min {
+    } else if finalist.plain > parameters.score_min {
         Verdict::Accept
     } else {
         Verdict::NoOverlap
@@ -198,65 +192,75 @@ impl Field<'_> {
         self.rivals(index, apart_m).map(score).fold(0.0, f32::max)
     }
 
-    /// The least score: more wall, more chances.
-    fn least(&self, index: usize, rule: &RuleParameters, parameters: &DecisionParameters) -> f32 {
-        let grown = parameters.plain.score_min * 0.1 * self.ranked[index].extent() / parameters.extent_m;
-        rule.score_min.max(grown)
+    /// Rules 2 and 3.
+    fn likely(&self, parameters: &DecisionParameters) -> Option<usize> {
+        let mut best = (f32::MIN, 0);
+        for index in 0..self.ranked.len() {
+            let logit = self.logit(index, &parameters.weights);
+            if logit > best.0 {
+                best = (logit, index);
+            }
+        }
+        let (logit, index) = best;
+        let probability = 1.0 / (1.0 + (-logit).exp());
+        (probability >= parameters.posterior_min && self.stands(index, parameters)).then_some(index)
     }
 
-    /// Whether a strict winner is also ahead by the plain score, or all the clearer by its own.
-    fn settled(&self, index: usize, parameters: &DecisionParameters) -> bool {
-        let best = &self.ranked[index];
-        let plain = self.best_rival(index, RIVAL_M, |f| f.plain) / best.plain.max(1.0);
-        let strict = (self.best_rival(index, RIVAL_M, |f| f.strict) + OFFSET) / (best.strict + OFFSET);
-        plain <= parameters.strict_plain_ratio || (plain <= 1.0 && strict <= parameters.strict_settled_ratio)
-    }
-
-    /// Rules 1 and 2.
-    fn distinct(
-        &self,
-        score: impl Fn(&Finalist) -> f32,
-        rule: &RuleParameters,
-        parameters: &DecisionParameters,
-    ) -> Option<usize> {
-        let index = self.best(&score);
-        let best = &self.ranked[index];
-        let (first, second) = (score(best), self.best_rival(index, RIVAL_M, &score));
-        let ratio = (second + OFFSET) / (first + OFFSET);
-        let alone = ratio < rule.ratio_max || (ratio < rule.ratio_weak_max && second < rule.rival_max);
-        let enough = first > self.least(index, rule, parameters) && best.support > 10.0 * rule.support_min_m;
-        let outdone = self.best_rival(index, RIVAL_M, |f| f.plain) > parameters.outdone_score
-            && self.best_rival(index, RIVAL_M, |f| f.bent) > parameters.outdone_ratio * best.bent;
-        (alone && enough && !outdone).then_some(index)
+    /// w . x of rule 2.
+    fn logit(&self, index: usize, weights: &PosteriorWeights) -> f32 {
+        let me = &self.ranked[index];
+        let mean = &me.score.mean;
+        let ratio = |score: fn(&Finalist) -> f32| {
+            ((self.best_rival(index, RIVAL_M, score) + OFFSET) / (score(me) + OFFSET)).ln()
+        };
+        let chance = self
+            .rivals(index, RIVAL_M)
+            .filter(|rival| rival.bent > COMPARABLE * me.bent)
+            .map(|rival| {
+                let mean = &rival.score.mean;
+                mean.soft / (mean.soft + mean.violated()).max(1.0)
+            })
+            .fold(0.0, f32::max);
+        weights.constant
+            + weights.plain * (me.plain + OFFSET).ln()
+            + weights.deep * (me.deep + OFFSET).ln()
+            + weights.support * (me.support + 1.0).ln()
+            + weights.plain_ratio * ratio(|f| f.plain)
+            + weights.strict_ratio * ratio(|f| f.strict)
+            + weights.lax_ratio * ratio(|f| f.lax)
+            + weights.cover * mean.soft / me.extent().max(1.0)
+            + weights.chance * chance
+            + weights.straight * mean.found_straight / mean.found.max(1.0)
+            + weights.clutter * mean.violated_clutter / mean.soft.max(1.0)
     }
 
     /// Rule 3.
-    fn coarse(&self, parameters: &DecisionParameters) -> Option<usize> {
-        let index = self.best(|f| f.coarse);
-        let best = &self.ranked[index];
-        let mean = &best.score.mean;
-        let second = self.best_rival(index, RIVAL_M, |f| f.coarse);
-        let ratio = (second + 2.0 * OFFSET) / (best.coarse + 2.0 * OFFSET);
-        let evidence = |f: &Finalist| f.score.mean.soft + contradicted(&f.score.mean);
-        let chance = self
-            .rivals(index, RIVAL_M)
-            .filter(|rival| evidence(rival) >= 0.3 * evidence(best))
-            .map(|rival| rival.score.mean.soft / evidence(rival))
-            .fold(0.4, f32::max);
-        let significance = kullback(mean.soft, contradicted(mean), chance.min(0.999));
-        // Depth tells: a wall deep in free space is no matter of noise.
-        let against = 1.5 * mean.deep_straight + 0.5 * mean.deep_clutter + 0.5 * mean.violated();
-        let share = mean.soft / (mean.soft + against);
-        let rule = &parameters.coarse;
-        (ratio < rule.ratio_max
-            && share > rule.share_min
-            && best.deep_share() <= rule.deep_max
-            && best.support > 10.0 * rule.support_min_m
-            && significance > rule.significance_min)
-            .then_some(index)
+    fn stands(&self, index: usize, parameters: &DecisionParameters) -> bool {
+        let me = &self.ranked[index];
+        let mean = &me.score.mean;
+        let strict_rival = self.best_rival(index, RIVAL_M, |f| f.strict);
+        let two_explanations =
+            strict_rival > parameters.rival_min && strict_rival > parameters.rival_share_max * me.strict;
+        let against = (mean.violated_straight + 0.5 * mean.violated_clutter) / mean.soft.max(1.0);
+        let outdone = self.best_rival(index, RIVAL_M, |f| f.bent) > parameters.outdone_ratio * me.bent;
+        let grown = parameters.score_per_m * (0.1 * me.extent() - parameters.extent_m);
+        let held = me.support > 10.0 * parameters.support_min_m;
+        held && !two_explanations && against < parameters.against_max && !outdone && me.plain > grown
     }
 
     /// Rule 4.
+    fn same(&self, parameters: &DecisionParameters) -> Option<usize> {
+        let index = self.best(|f| f.plain);
+        let best = &self.ranked[index];
+        let mean = &best.score.mean;
+        let other = mean.crossed + mean.violated() + mean.unknown;
+        let alone = self.best_rival(index, RIVAL_M, |f| f.plain) < 0.5 * best.plain;
+        let held = best.support > 10.0 * parameters.support_min_m;
+        (other < parameters.same_max * best.extent() && alone && held && best.plain > parameters.score_min)
+            .then_some(index)
+    }
+
+    /// Rule 5.
     fn bent(&self, parameters: &DecisionParameters) -> Option<usize> {
         let index = self.best(|f| f.bent);
         let best = &self.ranked[index];

@@ -90,7 +90,7 @@ impl Pair<'_> {
             }
             Verdict::NoOverlap => Reason::NoOverlap {
                 score,
-                needed: parameters.plain.score_min.into(),
+                needed: parameters.score_min.into(),
             },
             Verdict::Ambiguous => Reason::Ambiguous {
                 score,
@@ -106,7 +106,7 @@ impl Pair<'_> {
                 Reason::UnderConstrained {
                     free_direction: Angle::from_radians(f64::from(first.free_direction)) + told_in,
                     support_m: f64::from(first.support) * SAMPLE_M,
-                    needed_m: parameters.plain.support_min_m.into(),
+                    needed_m: parameters.support_min_m.into(),
                 }
             }
         };
