@@ -4,10 +4,12 @@
 //! map with the smaller known area is looked up, with k such that about 6000 are: V of many candidates is needed, and
 //! a share is told to half a percent by so many.
 
-use super::cells::{CellMap, UNKNOWN};
+use super::cells::CellMap;
+use super::cropped::UNKNOWN;
 use super::features::Features;
 use super::num::real64;
 use super::placement::{Placement, Rigid};
+use super::simd::{LANES, widest};
 
 const LOOKUPS: usize = 6_000;
 
@@ -24,21 +26,50 @@ pub(super) fn agreement(fixed: &Features, moving: &Features, placement: Placemen
 
 fn walk(smaller: &CellMap, known: usize, larger: &CellMap, to_larger: Rigid) -> (Option<f64>, f64) {
     let step = (known / LOOKUPS).isqrt().max(1);
-    let (mut visited, mut agreeing, mut common) = (0_usize, 0_usize, 0_usize);
+    let mut counts = Counts::default();
     for row in (0..smaller.height).step_by(step) {
-        for column in (0..smaller.width).step_by(step) {
-            let here = smaller.state(column, row);
-            if here == UNKNOWN {
-                continue;
-            }
-            let (x, y) = smaller.center(column, row);
-            let (x, y) = to_larger.apply(x, y);
-            let there = larger.at(x, y).0;
-            visited += 1;
-            common += usize::from(there != UNKNOWN);
-            agreeing += usize::from(there == here);
-        }
+        compare_row(smaller, larger, to_larger, row, step, &mut counts);
     }
     let share = |part: usize, whole: usize| real64(part) / real64(whole.max(1));
+    let Counts {
+        visited,
+        agreeing,
+        common,
+    } = counts;
     ((common > 0).then(|| share(agreeing, common)), share(common, visited))
+}
+
+#[derive(Default)]
+struct Counts {
+    visited: usize,
+    agreeing: usize,
+    common: usize,
+}
+
+widest! {
+    fn compare_row(smaller: &CellMap, larger: &CellMap, to_larger: Rigid, row: usize, step: usize, counts: &mut Counts) {
+        let cells = smaller.row(row);
+        for start in (0..cells.len()).step_by(step * LANES) {
+            let mut here = [0; LANES];
+            for (here, cell) in here.iter_mut().zip(cells[start..].iter().step_by(step)) {
+                *here = CellMap::state_of(*cell);
+            }
+            if here == [UNKNOWN; LANES] {
+                continue;
+            }
+            let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
+            for i in 0..LANES {
+                let (cx, cy) = smaller.center(start + i * step, row);
+                (x[i], y[i]) = to_larger.apply(cx, cy);
+            }
+            let there = larger.at_all(&x, &y);
+            for (here, there) in here.into_iter().zip(there) {
+                let there = CellMap::state_of(there);
+                let known = here != UNKNOWN;
+                counts.visited += usize::from(known);
+                counts.common += usize::from(known && there != UNKNOWN);
+                counts.agreeing += usize::from(known && there == here);
+            }
+        }
+    }
 }

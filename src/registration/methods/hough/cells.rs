@@ -3,26 +3,21 @@
 //! Convention: local frame (see `placement`), row 0 the lowest. Cropped to what is known, with a border of unknown cells
 //! wider than the reach of the labels, so that a lookup outside may be clamped to the border and is still right.
 //!
-//! Method: labels are exact nearest occupied cells within the reach k: per column the distance up or down (two sweeps),
-//! then per row the minimum over 2k + 1 columns of dx^2 + dy^2, with dx and the side packed under the square in 16 bits.
-//! Shapes and units: `u32` a cell: state in the upper two bits, wall number + 1 in the lower 30 (0 = none in reach).
-//! Cost: (2k + 1) vectorised 16-bit operations a cell in rows near walls, nothing elsewhere. Memory 4 bytes a cell of the
-//! known bounding box and one byte more while it is built.
+//! Method: labels are exact nearest occupied cells within the reach k. Each occupied cell puts its squared distance, with
+//! its number below, into the keys of the rows that it reaches, where the least stays; behind occupied neighbours it need
+//! not. A row that is done becomes cells.
+//! Shapes and units: `u32` a cell: state in the upper two bits, wall number in the lower 30, from 1 (0 = none in reach).
+//! Cost: up to 2 k + 1 rows of 2 k + 1 keys an occupied cell, 8 at a time, most of walls along an axis left out; and one
+//! pass over the cells, of which the floor is to write 4 bytes each. Memory: those.
 
-use super::num::{narrow, real, real64};
-use crate::grid::{CellState, OccupancyGrid};
+use rayon::prelude::*;
 
-pub(super) const UNKNOWN: u8 = 0;
-pub(super) const FREE: u8 = 1;
-pub(super) const OCCUPIED: u8 = 2;
+use super::cropped::{BAND, Cropped, FREE, OCCUPIED, UNKNOWN};
+use super::num::{clamped_index, narrow, real};
+use super::simd::{LANES, widest};
 
 const STATE_SHIFT: u32 = 30;
 const LABEL_MASK: u32 = (1 << STATE_SHIFT) - 1;
-/// Squares are packed above 7 bits, so the reach may have at most 22 cells (22^2 * 128 < 2^16).
-const REACH_MAX: usize = 22;
-/// A map of more cells than this (in its known bounding box) is worked on at a coarser cell.
-const CELLS_MAX: usize = 1 << 26;
-
 /// See the module.
 #[derive(Debug)]
 pub(super) struct CellMap {
@@ -33,125 +28,21 @@ pub(super) struct CellMap {
     /// Local coordinates of the lower-left corner of cell (0, 0).
     pub(super) corner: [f32; 2],
     per_cell: f32,
+    /// `width` in 32 bits.
+    columns: u32,
     cells: Vec<u32>,
 }
 
-/// The cropped states of a map, not yet in the local frame.
-pub(super) struct Cropped {
-    pub(super) states: Vec<u8>,
-    pub(super) width: usize,
-    pub(super) height: usize,
-    /// Side of a cell in metres: the map's own, or a whole multiple.
-    pub(super) cell: f64,
-    /// Lattice coordinates in metres (not cells) of the lower-left corner of cell (0, 0).
-    pub(super) corner: [f64; 2],
-    /// Reach of the labels, cells.
-    pub(super) reach: usize,
-}
-
-impl Cropped {
-    /// Known cells of `map` with a border of `reach_m` metres; `None` when nothing is known.
-    pub(super) fn new(map: &OccupancyGrid, reach_m: f64) -> Option<Self> {
-        let lattice = map.lattice();
-        let (width, height) = (lattice.width() as usize, lattice.height() as usize);
-        let (mut x0, mut x1, mut y0, mut y1) = (width, 0, height, 0);
-        for (y, row) in map.cells().chunks_exact(width).enumerate() {
-            let Some(first) = row.iter().position(|cell| cell.state() != CellState::Unknown) else {
-                continue;
-            };
-            let last = row
-                .iter()
-                .rposition(|cell| cell.state() != CellState::Unknown)
-                .unwrap_or(first);
-            (x0, x1) = (x0.min(first), x1.max(last + 1));
-            (y0, y1) = (y0.min(y), y + 1);
-        }
-        if x1 == 0 {
-            return None;
-        }
-        let resolution = lattice.resolution();
-        // A finer cell than the packing of the labels allows is merged with its neighbours.
-        let finest = reach_m / real64(REACH_MAX - 1);
-        let mut factor = super::num::ceil64(finest / resolution).max(1);
-        while ((x1 - x0) / factor + 1) * ((y1 - y0) / factor + 1) > CELLS_MAX {
-            factor += 1;
-        }
-        let cell = resolution * real64(factor);
-        let reach = super::num::ceil64(reach_m / cell).clamp(2, REACH_MAX);
-        let border = reach + 1;
-        let (inner_w, inner_h) = ((x1 - x0).div_ceil(factor), (y1 - y0).div_ceil(factor));
-        let (w, h) = (inner_w + 2 * border, inner_h + 2 * border);
-        let mut states = vec![UNKNOWN; w * h];
-        for (j, out) in states.chunks_exact_mut(w).skip(border).take(inner_h).enumerate() {
-            let out = &mut out[border..border + inner_w];
-            if factor == 1 {
-                let row = &map.cells()[(y0 + j) * width + x0..][..inner_w];
-                for (state, cell) in out.iter_mut().zip(row) {
-                    *state = cell.state() as u8;
-                }
-            } else {
-                merge_row(map, out, [x0, x1], [y0 + j * factor, y1], factor);
-            }
-        }
-        let edge = real64(border) * cell;
-        Some(Self {
-            states,
-            width: w,
-            height: h,
-            cell,
-            corner: [real64(x0) * resolution - edge, real64(y0) * resolution - edge],
-            reach,
-        })
-    }
-
-    /// Row-major indices of the occupied cells, in order.
-    pub(super) fn occupied(&self) -> Vec<u32> {
-        let mut found = Vec::new();
-        for (index, &state) in (0_u32..).zip(&self.states) {
-            if state == OCCUPIED {
-                found.push(index);
-            }
-        }
-        found
-    }
-}
-
-/// A block is occupied when any of its cells is, else free when at least half of it is.
-fn merge_row(map: &OccupancyGrid, out: &mut [u8], [x0, x1]: [usize; 2], [y0, y1]: [usize; 2], factor: usize) {
-    let width = map.lattice().width() as usize;
-    for (i, state) in out.iter_mut().enumerate() {
-        let (mut free, mut occupied) = (0, 0);
-        for y in y0..(y0 + factor).min(y1) {
-            for x in x0 + i * factor..(x0 + (i + 1) * factor).min(x1) {
-                match map.cells()[y * width + x].state() {
-                    CellState::Unknown => {}
-                    CellState::Free => free += 1,
-                    CellState::Occupied => occupied += 1,
-                }
-            }
-        }
-        *state = match (occupied, free) {
-            (1.., _) => OCCUPIED,
-            (0, free) if 2 * free >= factor * factor => FREE,
-            _ => UNKNOWN,
-        };
-    }
-}
-
 impl CellMap {
-    /// Labels every cell in reach of an occupied one; `occupied` as from [`Cropped::occupied`]. `middle` is the local
-    /// frame's origin in lattice metres.
-    pub(super) fn new(cropped: &Cropped, occupied: &[u32], middle: [f64; 2]) -> Self {
+    /// `middle` is the local frame's origin in lattice metres.
+    pub(super) fn new(cropped: &Cropped, middle: [f64; 2]) -> Self {
         let (width, height) = (cropped.width, cropped.height);
-        let mut cells: Vec<u32> = cropped
-            .states
-            .iter()
-            .map(|&state| u32::from(state) << STATE_SHIFT)
-            .collect();
-        for (label, &index) in (1_u32..).zip(occupied) {
-            cells[index as usize] |= label & LABEL_MASK;
-        }
-        label_nearest(&mut cells, cropped);
+        let spans = Spans::new(cropped.reach);
+        let mut cells = vec![0_u32; width * height];
+        cells
+            .par_chunks_mut(BAND * width)
+            .enumerate()
+            .for_each(|(band, rows)| label_band(cropped, &spans, band * BAND, rows));
         Self {
             width,
             height,
@@ -161,23 +52,54 @@ impl CellMap {
                 narrow(cropped.corner[1] - middle[1]),
             ],
             per_cell: narrow(1.0 / cropped.cell),
+            columns: u32::try_from(width).expect("invariant: at most CELLS_MAX cells"),
             cells,
         }
     }
 
-    /// State and wall number + 1 (0 = none in reach) at a point of the local frame; unknown outside.
+    /// Bits of a cell that number the nearest wall; all 0 when none is in reach.
+    pub(super) const LABEL: u32 = LABEL_MASK;
+    /// The bit of a free cell.
+    pub(super) const FREE: u32 = (FREE as u32) << STATE_SHIFT;
+
+    /// The nearest wall of a cell, counted from 1; 0 when none is in reach.
     #[inline]
-    pub(super) fn at(&self, x: f32, y: f32) -> (u8, u32) {
-        let u = ((x - self.corner[0]) * self.per_cell).clamp(0.0, real(self.width - 1));
-        let v = ((y - self.corner[1]) * self.per_cell).clamp(0.0, real(self.height - 1));
-        let cell = self.cells[super::num::index(v) * self.width + super::num::index(u)];
-        (state_of(cell), cell & LABEL_MASK)
+    pub(super) fn label(cell: u32) -> usize {
+        (cell & LABEL_MASK) as usize
+    }
+
+    #[inline]
+    pub(super) fn is_free(cell: u32) -> bool {
+        cell & Self::FREE != 0
+    }
+
+    /// The cells at points of the local frame, state and label together; unknown outside.
+    #[expect(clippy::inline_always, reason = "must take on the vector width of its caller")]
+    #[inline(always)]
+    pub(super) fn at_all<const N: usize>(&self, x: &[f32; N], y: &[f32; N]) -> [u32; N] {
+        let (right, top) = (real(self.width - 1), real(self.height - 1));
+        let mut cells = [0_u32; N];
+        for i in 0..N {
+            let column = clamped_index((x[i] - self.corner[0]) * self.per_cell, right);
+            let row = clamped_index((y[i] - self.corner[1]) * self.per_cell, top);
+            cells[i] = row * self.columns + column;
+        }
+        for cell in &mut cells {
+            *cell = self.cells[*cell as usize];
+        }
+        cells
+    }
+
+    /// The cells of a row.
+    #[inline]
+    pub(super) fn row(&self, row: usize) -> &[u32] {
+        &self.cells[row * self.width..][..self.width]
     }
 
     /// The state of a cell.
     #[inline]
-    pub(super) fn state(&self, column: usize, row: usize) -> u8 {
-        state_of(self.cells[row * self.width + column])
+    pub(super) fn state_of(cell: u32) -> u8 {
+        (cell >> STATE_SHIFT).to_le_bytes()[0]
     }
 
     /// Local coordinates of the centre of a cell.
@@ -190,93 +112,148 @@ impl CellMap {
     }
 }
 
-#[inline]
-fn state_of(cell: u32) -> u8 {
-    (cell >> STATE_SHIFT).to_le_bytes()[0]
+/// A key is a squared distance in cells above the lower bits of a label, so that the least key is the nearest wall.
+const LABEL_BITS: u32 = 23;
+const KEY_LABEL: u32 = (1 << LABEL_BITS) - 1;
+/// Nothing is in reach.
+const NONE: u32 = u32::MAX;
+
+/// Cells of a row that are written or left alone together.
+const BLOCK: usize = 64;
+
+/// Cells of a span, at least 2 k + 1.
+const SPAN: usize = 48;
+const _: () = assert!(2 * Cropped::REACH_MAX < SPAN && Cropped::REACH_MAX.pow(2) < 1 << (32 - LABEL_BITS));
+
+/// What an occupied cell says of the rows about it: squared distances, shifted to their place in a key.
+struct Spans {
+    reach: usize,
+    /// Cells of a span in use, a multiple of [`LANES`].
+    used: usize,
+    /// By the distance in rows, and by which neighbours beside are occupied too (1: left, 2: right): cells beyond an
+    /// occupied neighbour are nearer to that one, and `NONE` here.
+    keys: Vec<[[u32; SPAN]; 4]>,
 }
 
-fn label_nearest(cells: &mut [u32], cropped: &Cropped) {
-    let (width, height, k) = (cropped.width, cropped.height, cropped.reach);
-    let far = u8::try_from(k + 1).expect("invariant: the reach is at most 22 cells");
-    // below[y]: how many cells below y the nearest occupied one of the same column stands.
-    let mut below = vec![far; width * height];
-    for y in 0..height {
-        let (before, row) = below.split_at_mut(y * width);
-        let states = &cropped.states[y * width..][..width];
-        if y == 0 {
-            for (d, &state) in row.iter_mut().zip(states) {
-                *d = if state == OCCUPIED { 0 } else { far };
-            }
-        } else {
-            let last = &before[(y - 1) * width..];
-            for ((d, &l), &state) in row.iter_mut().zip(last).zip(states) {
-                *d = if state == OCCUPIED { 0 } else { (l + 1).min(far) };
-            }
+impl Spans {
+    fn new(reach: usize) -> Self {
+        let key = |dy: usize, sides: usize, i: usize| {
+            let square = i.abs_diff(reach).pow(2) + dy * dy;
+            let shaded = (i < reach && sides & 1 != 0) || (i > reach && sides & 2 != 0);
+            let key = u32::try_from(square << LABEL_BITS).unwrap_or(NONE);
+            if square > reach * reach || shaded { NONE } else { key }
+        };
+        Self {
+            reach,
+            used: (2 * reach + 1).next_multiple_of(LANES),
+            keys: (0..=reach)
+                .map(|dy| std::array::from_fn(|sides| std::array::from_fn(|i| key(dy, sides, i))))
+                .collect(),
         }
     }
-    let limit = u16::try_from(k * k * 128 + 127).expect("invariant: the reach is at most 22 cells");
-    let mut above = vec![far; width];
-    let mut column_key = vec![u16::MAX; width.next_multiple_of(LANES) + 2 * k];
-    for y in (0..height).rev() {
-        let states = &cropped.states[y * width..][..width];
-        let below = &below[y * width..][..width];
-        let mut near = far;
-        for (((a, &b), &state), key) in above.iter_mut().zip(below).zip(states).zip(&mut column_key[k..]) {
-            *a = if state == OCCUPIED { 0 } else { (*a + 1).min(far) };
-            let d = (*a).min(b);
-            near = near.min(d);
-            // bit 0: the nearest stands above
-            let packed = ((u16::from(d) * u16::from(d)) << 7) | u16::from(*a < b);
-            *key = if d < far { packed } else { u16::MAX };
+}
+
+/// Fills the cells of a band of rows that begins at row `first`.
+fn label_band(cropped: &Cropped, spans: &Spans, first: usize, cells: &mut [u32]) {
+    let (width, reach) = (cropped.width, spans.reach);
+    let last = first + cells.len() / width;
+    // The keys of the rows that the present source row reaches, row y at y modulo their number.
+    let (rows, stride) = (2 * reach + 1, width + SPAN);
+    let mut ring = vec![NONE; rows * stride];
+    let sources = first.saturating_sub(reach)..(last + reach).min(cropped.height);
+    for source in sources.clone() {
+        let targets = source.saturating_sub(reach).max(first)..(source + reach + 1).min(last);
+        stamp(cropped, spans, source, targets, &mut ring, stride);
+        // no later source reaches this row
+        if let Some(done) = source.checked_sub(reach).filter(|done| (first..last).contains(done)) {
+            emit(
+                cropped,
+                done,
+                &mut ring[done % rows * stride..][..width],
+                &mut cells[(done - first) * width..][..width],
+                reach,
+            );
         }
-        if near == far {
-            continue;
-        }
-        for x0 in (0..width).step_by(LANES) {
-            let Some(best) = nearest_of_lanes(&column_key[x0..x0 + LANES + 2 * k], k) else {
-                continue;
-            };
-            for (x, key) in (x0..width).zip(best) {
-                if key > limit || states[x] == OCCUPIED {
-                    continue;
+    }
+    for done in sources.end.saturating_sub(reach).max(first)..last {
+        emit(
+            cropped,
+            done,
+            &mut ring[done % rows * stride..][..width],
+            &mut cells[(done - first) * width..][..width],
+            reach,
+        );
+    }
+}
+
+widest! {
+    /// Puts the occupied cells of row `source` into the keys of the rows `targets`.
+    fn stamp(
+        cropped: &Cropped,
+        spans: &Spans,
+        source: usize,
+        targets: std::ops::Range<usize>,
+        ring: &mut [u32],
+        stride: usize,
+    ) {
+        let (reach, used) = (spans.reach, spans.used);
+        let rows = ring.len() / stride;
+        let numbers = cropped.row_starts[source]..cropped.row_starts[source + 1];
+        let occupied = |row: usize, column: usize| cropped.row(row)[column] == OCCUPIED;
+        for (&index, number) in cropped.occupied[numbers.clone()].iter().zip(numbers) {
+            let column = index as usize - source * cropped.width;
+            let sides = usize::from(occupied(source, column - 1)) + 2 * usize::from(occupied(source, column + 1));
+            // rows beyond an occupied neighbour are nearer to that one
+            let from = if occupied(source - 1, column) { source } else { targets.start };
+            let to = if occupied(source + 1, column) { source + 1 } else { targets.end };
+            let label = short_label(number);
+            let targets = from.max(targets.start)..to.min(targets.end);
+            let mut slot = targets.start % rows;
+            for row in targets {
+                let span = &spans.keys[row.abs_diff(source)][sides][..used];
+                let keys = &mut ring[slot * stride + column - reach..][..used];
+                slot = if slot + 1 == rows { 0 } else { slot + 1 };
+                for (key, span) in keys.iter_mut().zip(span) {
+                    *key = (*key).min(span | label);
                 }
-                let column = x + usize::from((key >> 1) & 0x3f) - k;
-                let label = if key & 1 == 1 {
-                    cells[(y + usize::from(above[column])) * width + column]
-                } else {
-                    cells[(y - usize::from(below[column])) * width + column]
-                };
-                cells[y * width + x] |= label & LABEL_MASK;
             }
         }
     }
 }
 
-/// Cells of a row that are worked on together: few enough for their best keys to stay in registers.
-const LANES: usize = 16;
+fn short_label(number: usize) -> u32 {
+    u32::try_from(number & KEY_LABEL as usize).expect("invariant: masked to 23 bits")
+}
 
-/// For each of the lanes `min over dx in -k..=k of column_key[x + dx] + dx^2`, with dx + k packed in bits 1..7; `None`
-/// when no column in reach of any lane has a key.
-fn nearest_of_lanes(column_key: &[u16], k: usize) -> Option<[u16; LANES]> {
-    if column_key.iter().all(|&key| key == u16::MAX) {
-        return None;
-    }
-    let mut best = [u16::MAX; LANES];
-    for shift in 0..=2 * k {
-        let dx = shift.abs_diff(k);
-        let add = u16::try_from(dx * dx * 128 + shift * 2).expect("invariant: the reach is at most 22 cells");
-        for (best, &key) in best.iter_mut().zip(&column_key[shift..shift + LANES]) {
-            *best = (*best).min(key.saturating_add(add));
+widest! {
+    /// Writes a row of cells, which are 0, from its states and keys, and clears the keys. What is unknown and out of reach
+    /// stays as it is, so that the memory of large unknown areas is never touched.
+    fn emit(cropped: &Cropped, row: usize, keys: &mut [u32], cells: &mut [u32], reach: usize) {
+        // All walls in reach are numbered from this one on, and fewer than the label's bits tell apart.
+        let base = cropped.row_starts[row.saturating_sub(reach)];
+        let (base, low) = (u32::try_from(base).expect("invariant: at most CELLS_MAX cells"), short_label(base));
+        let blocks = cells.chunks_mut(BLOCK).zip(keys.chunks_mut(BLOCK)).zip(cropped.row(row).chunks(BLOCK));
+        for ((cells, keys), states) in blocks {
+            let known = states.iter().fold(0, |all, state| all | state);
+            let nearest = keys.iter().fold(NONE, |all, key| all & key);
+            if known == UNKNOWN && nearest == NONE {
+                continue;
+            }
+            for ((cell, key), &state) in cells.iter_mut().zip(keys).zip(states) {
+                let label = base + (key.wrapping_sub(low) & KEY_LABEL) + 1;
+                let label = if *key == NONE { 0 } else { label };
+                *cell = u32::from(state) << STATE_SHIFT | label;
+                *key = NONE;
+            }
         }
     }
-    Some(best)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::geometry::Pose2;
-    use crate::grid::{Lattice, LogOdds};
+    use crate::grid::{Lattice, LogOdds, OccupancyGrid};
     use proptest::prelude::*;
 
     fn grid(width: u32, height: u32, states: &[u8]) -> OccupancyGrid {
@@ -293,8 +270,8 @@ mod tests {
             let states: Vec<u8> = states.into_iter().map(|s| if s == 2 { 2 } else { u8::from(s > 5) }).collect();
             let map = grid(30, 20, &states);
             let Some(cropped) = Cropped::new(&map, 0.3) else { return Ok(()) };
-            let occupied = cropped.occupied();
-            let cells = CellMap::new(&cropped, &occupied, [0.0, 0.0]);
+            let cells = CellMap::new(&cropped, [0.0, 0.0]);
+            let occupied = &cropped.occupied;
             for row in 0..cells.height {
                 for column in 0..cells.width {
                     let (x, y) = cells.center(column, row);
@@ -303,12 +280,13 @@ mod tests {
                         c.abs_diff(column).pow(2) + r.abs_diff(row).pow(2)
                     };
                     let nearest = occupied.iter().map(|&index| square(index)).min();
-                    let (state, label) = cells.at(x, y);
-                    prop_assert_eq!(state, cropped.states[row * cells.width + column]);
+                    let [cell] = cells.at_all(&[x], &[y]);
+                    let label = CellMap::label(cell);
+                    prop_assert_eq!(CellMap::state_of(cell), cropped.row(row)[column]);
                     match nearest {
                         Some(nearest) if nearest <= cropped.reach.pow(2) => {
                             prop_assert!(label > 0);
-                            prop_assert_eq!(square(occupied[label as usize - 1]), nearest);
+                            prop_assert_eq!(square(occupied[label - 1]), nearest);
                         }
                         _ => prop_assert_eq!(label, 0),
                     }

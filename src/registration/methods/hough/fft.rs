@@ -1,4 +1,5 @@
-//! Two-dimensional Fourier transforms with the rows that are all zero left out.
+//! Fourier transforms of two-dimensional arrays: whole, with the rows that are all zero left out; or rows and columns
+//! apart, for who works on columns while they are in the first cache. And sizes that are fast.
 //!
 //! Shapes and units: an array of `height` rows of `width`; its spectrum is kept TRANSPOSED (`width` rows of `height`), so
 //! that each direction needs one transposition only. Unnormalised both ways: there and back multiplies by the cell count.
@@ -21,6 +22,14 @@ pub(crate) struct Plan {
     columns: Arc<dyn Fft<f32>>,
     rows_back: Arc<dyn Fft<f32>>,
     columns_back: Arc<dyn Fft<f32>>,
+}
+
+/// Real images of one size, packed as real and imaginary part.
+pub(super) struct Packed<'a> {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) re: &'a [f32],
+    pub(super) im: &'a [f32],
 }
 
 impl Planner {
@@ -58,6 +67,42 @@ impl Plan {
         process(&*self.columns_back, spectrum);
         transpose(spectrum, data, self.height, self.width);
         process(&*self.rows_back, data);
+    }
+
+    /// What every transform needs besides its data.
+    pub(super) fn scratch_len(&self) -> usize {
+        [&self.rows, &self.columns, &self.rows_back, &self.columns_back]
+            .map(|fft| fft.get_inplace_scratch_len())
+            .into_iter()
+            .fold(0, usize::max)
+    }
+
+    /// The packed image as complex rows of the array's width, transformed; only the rows that it has.
+    pub(super) fn transformed_rows(&self, image: &Packed, rows: &mut Vec<Complex32>, scratch: &mut [Complex32]) {
+        rows.clear();
+        rows.resize(image.height * self.width, Complex32::default());
+        let images = image
+            .re
+            .chunks_exact(image.width)
+            .zip(image.im.chunks_exact(image.width));
+        for (row, (re, im)) in rows.chunks_exact_mut(self.width).zip(images) {
+            for (out, (&re, &im)) in row.iter_mut().zip(re.iter().zip(im)) {
+                *out = Complex32::new(re, im);
+            }
+            self.rows.process_with_scratch(row, scratch);
+        }
+    }
+
+    pub(super) fn forward_columns(&self, columns: &mut [Complex32], scratch: &mut [Complex32]) {
+        self.columns.process_with_scratch(columns, scratch);
+    }
+
+    pub(super) fn inverse_columns(&self, columns: &mut [Complex32], scratch: &mut [Complex32]) {
+        self.columns_back.process_with_scratch(columns, scratch);
+    }
+
+    pub(super) fn inverse_rows(&self, rows: &mut [Complex32], scratch: &mut [Complex32]) {
+        self.rows_back.process_with_scratch(rows, scratch);
     }
 }
 

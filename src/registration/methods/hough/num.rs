@@ -24,6 +24,13 @@ pub(super) fn signed(index: isize) -> f32 {
     index as f32
 }
 
+/// A small whole number as a real.
+#[inline]
+#[expect(clippy::cast_precision_loss, reason = "sums over small windows are far below 2^24")]
+pub(super) fn exact(value: i32) -> f32 {
+    value as f32
+}
+
 /// f64 to f32, for coordinates near the middle of a map.
 #[inline]
 #[expect(
@@ -50,6 +57,31 @@ pub(super) fn floor(value: f32) -> isize {
 )]
 pub(super) fn index(value: f32) -> usize {
     value as usize
+}
+
+/// The index below a value, clamped to 0 and `last`, which is at most 2^30; NaN is 0. Of these, vector instructions
+/// convert many at once.
+#[expect(clippy::inline_always, reason = "must take on the vector width of its caller")]
+#[inline(always)]
+pub(super) fn clamped_index(value: f32, last: f32) -> u32 {
+    debug_assert!((0.0..=1_073_741_824.0).contains(&last), "{last} cells");
+    let value = if value > 0.0 { value } else { 0.0 };
+    let value = if value < last { value } else { last };
+    #[expect(
+        unsafe_code,
+        reason = "the checked cast is one instruction for each value instead of one for eight"
+    )]
+    // SAFETY: the value is a number (a comparison with NaN is false, so that 0 or `last` stands in its place) within 0 and
+    // `last`, which `Lattice` and `CELLS_MAX` keep below 2^30: its whole part fits i32.
+    let index: i32 = unsafe { value.to_int_unchecked() };
+    index.cast_unsigned()
+}
+
+/// As [`index`], in 32 bits.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "saturates by definition of `as`")]
+pub(super) fn short_index(value: f32) -> u32 {
+    (value as i32).cast_unsigned()
 }
 
 /// A length in metres as a whole number of cells, rounded up.

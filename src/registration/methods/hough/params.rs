@@ -24,10 +24,12 @@ pub struct HoughParameters {
     pub coarse_samples: usize,
     /// Wall samples of each map in the fine refinement.
     pub fine_samples: usize,
-    /// Wall samples of each map by which a fine result is scored; all of them once more for the best.
+    /// Wall samples of each map by which a fine result is scored; more of them once more for the best.
     pub scored_samples: usize,
     /// Fine results that are refined and scored once more with all samples.
     pub polished: usize,
+    /// Wall samples of each map in that last look, at most: more tell the pose no better than a millimetre.
+    pub polished_samples: usize,
     /// Coarse results kept by each criterion of the shortlist.
     pub shortlist: usize,
     /// Metres of wall that a map must have to be registered.
@@ -48,6 +50,7 @@ impl Default for HoughParameters {
             fine_samples: 400,
             scored_samples: 2000,
             polished: 4,
+            polished_samples: 10_000,
             shortlist: 8,
             structure_m: 5.0,
             decision: DecisionParameters::default(),
@@ -273,6 +276,13 @@ impl HoughParameters {
             "within 20 and 1000000",
         )?;
         within("polished", count(self.polished), 1.0, 100.0, "within 1 and 100")?;
+        within(
+            "polished_samples",
+            count(self.polished_samples),
+            20.0,
+            1e6,
+            "within 20 and 1000000",
+        )?;
         within("shortlist", count(self.shortlist), 1.0, 100.0, "within 1 and 100")?;
         within("structure_m", self.structure_m, 1.0, 1e6, "within 1 and 1000000 m")?;
         for (name, value) in self.decision.not_negative() {

@@ -75,6 +75,13 @@ impl Placement {
 }
 
 impl Rigid {
+    pub(super) const IDENTITY: Self = Self {
+        x: 0.0,
+        y: 0.0,
+        sin: 0.0,
+        cos: 1.0,
+    };
+
     #[inline]
     pub(super) fn apply(self, x: f32, y: f32) -> (f32, f32) {
         let (x, y) = self.rotate(x, y);

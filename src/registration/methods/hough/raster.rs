@@ -15,6 +15,8 @@ pub(super) struct Raster {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) corner: (f32, f32),
+    /// By which the map is turned, radians.
+    pub(super) rotation: f64,
     pub(super) occupied: Vec<f32>,
     pub(super) free: Vec<f32>,
 }
@@ -52,6 +54,7 @@ impl Raster {
             width,
             height,
             corner,
+            rotation,
             occupied,
             free,
         }

@@ -20,8 +20,9 @@ const LEAST_SHARE: f32 = 0.1;
 /// Candidate rotations of the moving map in radians, each modulo pi, the likeliest first.
 pub(super) fn candidates(fixed: &[f32], moving: &[f32], most: usize) -> Vec<f64> {
     let n = DIRECTIONS;
+    let twice = [fixed, fixed].concat();
     let correlation: Vec<f32> = (0..n)
-        .map(|k| (0..n).map(|t| fixed[(t + k) % n] * moving[t]).sum())
+        .map(|k| twice[k..].iter().zip(moving).map(|(a, b)| a * b).sum())
         .collect();
     let top = correlation.iter().copied().fold(0.0, f32::max);
     if top <= 0.0 {

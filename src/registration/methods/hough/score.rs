@@ -10,12 +10,19 @@
 //! Cost: as one pass of `refine`.
 
 #![expect(clippy::doc_markdown, reason = "the letters of the formulas")]
+#![expect(
+    clippy::needless_bitwise_bool,
+    reason = "a branch for one sample would be one for all of its lanes"
+)]
 
+use super::cells::CellMap;
 use super::features::{Features, SAMPLE_M};
 use super::num::{narrow, real};
 use super::params::Tolerances;
 use super::placement::{Placement, Rigid};
-use super::refine::{SURE, looked_at};
+use super::refine::SURE;
+use super::samples::{Landed, Thinned, land};
+use super::simd::{LANES, widest};
 
 /// What one direction of looking up finds, in samples of 0.1 m.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
@@ -59,17 +66,11 @@ pub struct Score {
     pub significance: f32,
 }
 
-/// Scores a placement with at most `most` samples of each map, counts scaled up to all of them.
-pub(super) fn score(
-    fixed: &Features,
-    moving: &Features,
-    placement: Placement,
-    tolerances: Tolerances,
-    most: usize,
-) -> Score {
+/// Scores a placement by the samples of both maps, counts scaled up to all of the maps' samples.
+pub(super) fn score(fixed: &Thinned, moving: &Thinned, placement: Placement, tolerances: Tolerances) -> Score {
     let to_fixed = placement.rigid();
-    let moving_tally = tally(moving, fixed, to_fixed, None, tolerances, most);
-    let fixed_tally = tally(fixed, moving, to_fixed.inverse(), Some(to_fixed), tolerances, most);
+    let moving_tally = tally(moving, fixed.map, to_fixed, Rigid::IDENTITY, tolerances);
+    let fixed_tally = tally(fixed, moving.map, to_fixed.inverse(), to_fixed, tolerances);
     let mean = moving_tally.mean(&fixed_tally);
     Score {
         moving: moving_tally,
@@ -79,81 +80,102 @@ pub(super) fn score(
     }
 }
 
-fn tally(
-    source: &Features,
-    target: &Features,
-    to_target: Rigid,
-    back: Option<Rigid>,
-    tolerances: Tolerances,
-    most: usize,
-) -> Tally {
-    let stride = source.samples.len().div_ceil(most).max(1);
-    let mut sums = Tally::default();
-    let found = tolerances.found * tolerances.found;
-    let missed = tolerances.missed * tolerances.missed;
-    let deep = 4.0 * missed;
-    let per_soft = 0.5 / (tolerances.soft * tolerances.soft);
-    for k in source.samples.iter().step_by(stride) {
-        let (x, y) = to_target.apply(k.x, k.y);
-        let (state, label) = target.cells.at(x, y);
-        let mut square = f32::MAX;
-        let mut compatible = true;
-        let mut across = 0.0;
-        let mut normal = [0.0; 2];
-        let mut straight = false;
-        if label > 0 {
-            let q = &target.walls[label as usize - 1];
-            let (dx, dy) = (x - q.x, y - q.y);
-            square = dx * dx + dy * dy;
-            straight = q.linearity > 0.5;
-            let (knx, kny) = to_target.rotate(k.nx, k.ny);
-            if straight && k.linearity > 0.5 {
-                let facing = knx * q.nx + kny * q.ny;
-                compatible = facing.abs() >= 0.8 && !(facing < 0.0 && k.strength > SURE && q.strength > SURE);
-            }
-            normal = [q.nx, q.ny];
-            across = if straight {
-                (q.nx * dx + q.ny * dy).powi(2)
-            } else {
-                square
-            };
-        }
-        if square <= found {
-            if compatible {
-                sums.found += 1.0;
-                sums.soft += near_exp(across * per_soft);
-                sums.square += across;
-                if straight {
-                    let (nx, ny) = back.map_or((normal[0], normal[1]), |back| back.rotate(normal[0], normal[1]));
-                    sums.found_straight += 1.0;
-                    sums.scatter[0] += nx * nx;
-                    sums.scatter[1] += nx * ny;
-                    sums.scatter[2] += ny * ny;
-                } else {
-                    sums.scatter[0] += 0.3;
-                    sums.scatter[2] += 0.3;
+/// One direction; `to_frame` turns the target's normals into the fixed frame.
+fn tally(source: &Thinned, target: &Features, to_target: Rigid, to_frame: Rigid, tolerances: Tolerances) -> Tally {
+    let mut sums = Lanes::default();
+    count(source, target, to_target, to_frame, tolerances, &mut sums);
+    let total = |lanes: [f32; LANES]| lanes.into_iter().sum::<f32>();
+    let mut tally = Tally {
+        found: total(sums.found),
+        found_straight: total(sums.found_straight),
+        soft: total(sums.soft),
+        crossed: total(sums.crossed),
+        near: total(sums.near),
+        violated_straight: total(sums.violated_straight),
+        violated_clutter: total(sums.violated_clutter),
+        deep_straight: total(sums.deep_straight),
+        deep_clutter: total(sums.deep_clutter),
+        unknown: 0.0,
+        scatter: sums.scatter.map(total),
+        square: total(sums.square),
+    };
+    // Samples that only fill up the lanes found nothing, and are not counted here either.
+    tally.unknown = real(source.count) - tally.found - tally.crossed - tally.near - tally.violated();
+    tally.times(source.map.sample_m / narrow(SAMPLE_M) * source.each())
+}
+
+/// [`Tally`], each lane by itself.
+#[derive(Default)]
+struct Lanes {
+    found: [f32; LANES],
+    found_straight: [f32; LANES],
+    soft: [f32; LANES],
+    crossed: [f32; LANES],
+    near: [f32; LANES],
+    violated_straight: [f32; LANES],
+    violated_clutter: [f32; LANES],
+    deep_straight: [f32; LANES],
+    deep_clutter: [f32; LANES],
+    scatter: [[f32; LANES]; 3],
+    square: [f32; LANES],
+}
+
+widest! {
+    /// Method (1) to (5). No branch depends on a sample: what it does not count as, gets 0 added.
+    fn count(
+        source: &Thinned,
+        target: &Features,
+        to_target: Rigid,
+        to_frame: Rigid,
+        tolerances: Tolerances,
+        sums: &mut Lanes,
+    ) {
+        let within_found = tolerances.found * tolerances.found;
+        let within_missed = tolerances.missed * tolerances.missed;
+        let within_deep = 4.0 * within_missed;
+        let per_soft = 0.5 / (tolerances.soft * tolerances.soft);
+        let one = |yes: bool| if yes { 1.0 } else { 0.0_f32 };
+        for groups in source.groups() {
+            for (landed, k) in land(groups, target, to_target).iter().zip(groups) {
+                if !landed.any(CellMap::LABEL | CellMap::FREE) {
+                    continue;
                 }
-            } else {
-                sums.crossed += 1.0;
+                let (Landed { x, y, cell }, q) = (landed, landed.walls(target));
+                for i in 0..LANES {
+                    let (dx, dy) = (x[i] - q.x[i], y[i] - q.y[i]);
+                    let square = dx * dx + dy * dy;
+                    let straight = q.linearity[i] > 0.5;
+                    let mine_straight = k.linearity[i] > 0.5;
+                    let (knx, kny) = to_target.rotate(k.nx[i], k.ny[i]);
+                    let facing = knx * q.nx[i] + kny * q.ny[i];
+                    let back = (facing < 0.0) & (k.strength[i] > SURE) & (q.strength[i] > SURE);
+                    let compatible = !(straight & mine_straight) | ((facing.abs() >= 0.8) & !back);
+                    let off = q.nx[i] * dx + q.ny[i] * dy;
+                    let across = if straight { off * off } else { square };
+                    let here = square <= within_found;
+                    let found = here & compatible;
+                    let violated = (square > within_missed) & CellMap::is_free(cell[i]);
+                    let deep = violated & (square > within_deep);
+                    let (nx, ny) = to_frame.rotate(q.nx[i], q.ny[i]);
+                    let line = one(found & straight);
+                    let clutter = 0.3 * one(found & !straight);
+                    sums.found[i] += one(found);
+                    sums.found_straight[i] += line;
+                    sums.soft[i] += if found { near_exp(across * per_soft) } else { 0.0 };
+                    sums.square[i] += if found { across } else { 0.0 };
+                    sums.scatter[0][i] += line * nx * nx + clutter;
+                    sums.scatter[1][i] += line * nx * ny;
+                    sums.scatter[2][i] += line * ny * ny + clutter;
+                    sums.crossed[i] += one(here & !compatible);
+                    sums.near[i] += one(!here & (square <= within_missed));
+                    sums.violated_straight[i] += one(violated & mine_straight);
+                    sums.violated_clutter[i] += one(violated & !mine_straight);
+                    sums.deep_straight[i] += one(deep & mine_straight);
+                    sums.deep_clutter[i] += one(deep & !mine_straight);
+                }
             }
-        } else if square <= missed {
-            sums.near += 1.0;
-        } else if state == super::cells::FREE {
-            let depth = if square > deep { 1.0 } else { 0.0 };
-            if k.linearity > 0.5 {
-                sums.violated_straight += 1.0;
-                sums.deep_straight += depth;
-            } else {
-                sums.violated_clutter += 1.0;
-                sums.deep_clutter += depth;
-            }
-        } else {
-            sums.unknown += 1.0;
         }
     }
-    let per_sample = source.sample_m / narrow(SAMPLE_M);
-    let count = looked_at(source.samples.len(), most).max(1.0);
-    sums.times(per_sample * real(source.samples.len()) / count)
 }
 
 /// exp(-t) to 0.002 for t in [0, 1.5]: the library's costs as much as the rest of a sample.
@@ -222,4 +244,90 @@ pub(super) fn kullback(hits: f32, misses: f32, q0: f32) -> f32 {
         0.0
     };
     n * (q * (q / q0).ln() + miss)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::params::HoughParameters;
+    use super::super::tests::map;
+    use super::*;
+    use crate::geometry::{Angle, Pose2};
+    use proptest::prelude::*;
+    use std::sync::LazyLock;
+
+    /// (1) to (5) sample by sample, in samples.
+    fn direct(source: &Features, target: &Features, to_target: Rigid, most: usize, tolerances: Tolerances) -> Tally {
+        let mut tally = Tally::default();
+        for k in source.samples.iter().step_by(source.samples.len().div_ceil(most)) {
+            let (x, y) = to_target.apply(k.x, k.y);
+            let [cell] = target.cells.at_all(&[x], &[y]);
+            let q = &target.walls[CellMap::label(cell)];
+            let (dx, dy) = (x - q.x, y - q.y);
+            let (knx, kny) = to_target.rotate(k.nx, k.ny);
+            let facing = knx * q.nx + kny * q.ny;
+            let both = q.linearity > 0.5 && k.linearity > 0.5;
+            let away = facing < 0.0 && k.strength > SURE && q.strength > SURE;
+            let distance = dx.hypot(dy);
+            if distance <= tolerances.found && both && (facing.abs() < 0.8 || away) {
+                tally.crossed += 1.0;
+            } else if distance <= tolerances.found {
+                tally.found += 1.0;
+                let off = if q.linearity > 0.5 {
+                    (q.nx * dx + q.ny * dy).abs()
+                } else {
+                    distance
+                };
+                tally.soft += (-0.5 * (off / tolerances.soft).powi(2)).exp();
+                tally.square += off * off;
+                tally.found_straight += if q.linearity > 0.5 { 1.0 } else { 0.0 };
+            } else if distance <= tolerances.missed {
+                tally.near += 1.0;
+            } else if CellMap::is_free(cell) {
+                let deep = if distance > 2.0 * tolerances.missed { 1.0 } else { 0.0 };
+                if k.linearity > 0.5 {
+                    tally.violated_straight += 1.0;
+                    tally.deep_straight += deep;
+                } else {
+                    tally.violated_clutter += 1.0;
+                    tally.deep_clutter += deep;
+                }
+            } else {
+                tally.unknown += 1.0;
+            }
+        }
+        tally
+    }
+
+    static MAPS: LazyLock<[Features; 2]> = LazyLock::new(|| {
+        let parameters = HoughParameters::default();
+        [Pose2::IDENTITY, Pose2::new(1.0, 2.0, Angle::from_radians(0.5))]
+            .map(|pose| Features::new(&map(0.1, pose, |[x, _]| x < 9.0), &parameters).expect("walls"))
+    });
+
+    proptest! {
+        #[test]
+        fn the_kernel_counts_each_sample_once_and_where_it_belongs(
+            x in -1.0..1.0_f64, y in -1.0..1.0_f64, yaw in -0.1..0.1_f64, most in 20_usize..400,
+        ) {
+            let [fixed, moving] = &*MAPS;
+            let truth = Placement::of_maps(Pose2::new(1.0, 2.0, Angle::from_radians(0.5)), fixed.frame, moving.frame);
+            let to_fixed = Placement { x: truth.x + x, y: truth.y + y, yaw: truth.yaw + yaw }.rigid();
+            let tolerances = Tolerances::of(fixed, moving);
+            let thinned = Thinned::new(moving, most);
+            let fast = tally(&thinned, fixed, to_fixed, Rigid::IDENTITY, tolerances)
+                .times(narrow(SAMPLE_M) / moving.sample_m / thinned.each());
+            let slow = direct(moving, fixed, to_fixed, most, tolerances);
+            let told = |t: &Tally| {
+                [t.found, t.found_straight, t.crossed, t.near, t.violated_straight, t.violated_clutter, t.deep_straight,
+                 t.deep_clutter, t.unknown]
+            };
+            for (fast, slow) in told(&fast).into_iter().zip(told(&slow)) {
+                // a distance that is a bound to the last digit may fall on either side
+                prop_assert!((fast - slow).abs() < 1.1, "{fast} {slow}");
+            }
+            prop_assert!((fast.soft - slow.soft).abs() < 0.003 * (1.0 + slow.found) + 1.1);
+            prop_assert!((fast.scatter[0] + fast.scatter[2] - fast.found_straight
+                - 0.6 * (fast.found - fast.found_straight)).abs() < 0.01);
+        }
+    }
 }

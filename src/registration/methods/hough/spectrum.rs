@@ -4,14 +4,17 @@
 //! turns theta by psi.
 //! Method: (1) H(theta, rho) counts wall samples, split linearly between two bins of rho (paper section 4.1);
 //! (2) s(theta) = sum over rho of max(0, H - mean of H over 9 bins)^2.
-//! Shapes and units: 180 directions, 1 degree apart; rho bins of 0.1 m or one sample's length, if longer.
+//! Shapes and units: 180 directions, 1 degree apart; rho bins of 0.1 m or one sample's length, if longer. Votes are whole
+//! numbers of 2^-12, the two parts of a vote side by side in 64 bits: one addition casts it, and sums are exact.
+//! Cost: a vectorised product and one addition in the first cache for each sample and direction.
 //! Differences from the paper: it takes the maximum of each column (right at rank 1 in .754, here in .772, and at rank 4
 //! in 1.000 instead of .982 of 272 pairs); the high pass removes what clutter and the map's outline add to all
 //! directions alike.
 
 use rayon::prelude::*;
 
-use super::num::{index, real};
+use super::num::{index, real, short_index};
+use super::simd::{LANES, widest};
 use super::walls::Wall;
 
 /// Directions of the spectrum: one a degree, since a line has no front.
@@ -19,37 +22,25 @@ pub(super) const DIRECTIONS: usize = 180;
 /// More samples add nothing to the spectrum.
 const SAMPLES_MAX: usize = 10_000;
 const HALF_WINDOW: usize = 4;
+/// A whole vote: 9 bins of 10,000 votes stay below 2^31.
+const VOTE: u32 = 1 << VOTE_BITS;
+const VOTE_BITS: u32 = 12;
 
 /// Straight wall by direction, its mean removed.
 pub(super) type Spectrum = Vec<f32>;
 
 /// The spectrum of samples in the local frame; `bin` metres of rho.
 pub(super) fn spectrum(samples: &[Wall], bin: f32) -> Spectrum {
-    let stride = samples.len().div_ceil(SAMPLES_MAX).max(1);
-    let points: Vec<(f32, f32)> = samples
-        .iter()
-        .step_by(stride)
-        .map(|wall| (wall.x / bin, wall.y / bin))
-        .collect();
-    let radius = points.iter().map(|(x, y)| x.hypot(*y)).fold(0.0, f32::max);
-    let middle = radius.ceil() + 1.0 + real(HALF_WINDOW);
-    let bins = 2 * index(middle) + 2;
+    let points = Points::new(samples, bin);
     let mut values: Vec<f32> = (0..DIRECTIONS)
         .into_par_iter()
         .with_min_len(45)
         .map_init(
-            || vec![0.0_f32; bins],
-            |column, direction| {
-                column.fill(0.0);
-                let (sin, cos) = real(direction).to_radians().sin_cos();
-                for (x, y) in &points {
-                    let rho = x * cos + y * sin + middle;
-                    let bin = index(rho);
-                    let part = rho - real(bin);
-                    column[bin] += 1.0 - part;
-                    column[bin + 1] += part;
-                }
-                energy(column)
+            || (vec![0_u64; points.bins], vec![0_u32; points.bins + 1]),
+            |(votes, sums), direction| {
+                votes.fill(0);
+                vote(&points, real(direction).to_radians().sin_cos(), votes);
+                energy(votes, sums)
             },
         )
         .collect();
@@ -60,16 +51,133 @@ pub(super) fn spectrum(samples: &[Wall], bin: f32) -> Spectrum {
     values
 }
 
-/// Equation (2).
-fn energy(column: &[f32]) -> f32 {
-    let width = 2 * HALF_WINDOW + 1;
-    let mut sum: f32 = column[..width - 1].iter().sum();
-    let mut energy = 0.0;
-    for ((last, middle), first) in column[width - 1..].iter().zip(&column[HALF_WINDOW..]).zip(column) {
-        sum += last;
-        let above = (middle - sum / real(width)).max(0.0);
-        energy += above * above;
-        sum -= first;
+/// Samples in bins.
+struct Points {
+    /// Neighbouring samples of a wall would vote for one bin, each waiting for the last: those of a group are far apart.
+    groups: Vec<[[f32; LANES]; 2]>,
+    /// What does not fill a group.
+    rest: Vec<(f32, f32)>,
+    bins: usize,
+    /// The bin of rho = 0.
+    middle: f32,
+}
+
+impl Points {
+    fn new(samples: &[Wall], bin: f32) -> Self {
+        let stride = samples.len().div_ceil(SAMPLES_MAX).max(1);
+        let points: Vec<(f32, f32)> = samples
+            .iter()
+            .step_by(stride)
+            .map(|wall| (wall.x / bin, wall.y / bin))
+            .collect();
+        let square = points.iter().map(|(x, y)| x * x + y * y).fold(0.0, f32::max);
+        let middle = square.sqrt().ceil() + 1.0 + real(HALF_WINDOW);
+        let count = points.len() / LANES;
+        let groups = (0..count).map(|group| {
+            let point = |lane: usize| points[lane * count + group];
+            [
+                std::array::from_fn(|lane| point(lane).0),
+                std::array::from_fn(|lane| point(lane).1),
+            ]
+        });
+        Self {
+            groups: groups.collect(),
+            rest: points[count * LANES..].to_vec(),
+            bins: 2 * index(middle) + 2,
+            middle,
+        }
     }
-    energy
+}
+
+widest! {
+    /// Equation (1) for one direction: the part of a vote for its lower bin in the lower half, for the next bin above it.
+    fn vote(points: &Points, sin_cos: (f32, f32), votes: &mut [u64]) {
+        let whole = real(VOTE as usize);
+        let (sin, cos, middle) = (sin_cos.0 * whole, sin_cos.1 * whole, points.middle * whole);
+        let mut cast = |rho: u32| {
+            let part = rho % VOTE;
+            votes[(rho / VOTE) as usize] += u64::from(VOTE - part) | u64::from(part) << 32;
+        };
+        for [x, y] in &points.groups {
+            let mut rho = [0; LANES];
+            for i in 0..LANES {
+                rho[i] = short_index(x[i] * cos + y[i] * sin + middle);
+            }
+            rho.into_iter().for_each(&mut cast);
+        }
+        for (x, y) in &points.rest {
+            cast(short_index(x * cos + y * sin + middle));
+        }
+    }
+}
+
+widest! {
+    /// Equation (2). `sums` has one element more than `votes`; what it holds does not matter.
+    fn energy(votes: &[u64], sums: &mut [u32]) -> f32 {
+        let (mut sum, mut carried) = (0_u32, 0_u32);
+        sums[0] = 0;
+        for (out, vote) in sums[1..].iter_mut().zip(votes) {
+            let [low, high] = [*vote, vote >> 32].map(|half| (half & 0xffff_ffff) as u32);
+            sum += low + carried;
+            carried = high;
+            *out = sum;
+        }
+        // sums[b] is the sum of all bins below b
+        let inner = votes.len() - 2 * HALF_WINDOW;
+        let width = 2 * HALF_WINDOW + 1;
+        let (first, last) = (&sums[..inner], &sums[width..][..inner]);
+        let (from, to) = (&sums[HALF_WINDOW..][..inner], &sums[HALF_WINDOW + 1..][..inner]);
+        let mut energy = [0.0_f32; LANES];
+        let per_vote = 1.0 / real(width * VOTE as usize);
+        for start in (0..inner).step_by(LANES) {
+            for i in start..(start + LANES).min(inner) {
+                let above = (to[i] - from[i]) * 9;
+                let above = above.saturating_sub(last[i] - first[i]);
+                let above = real(above as usize) * per_vote;
+                energy[i - start] += above * above;
+            }
+        }
+        energy.into_iter().sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Equations (1) and (2) by their definition.
+    fn direct(samples: &[Wall], bin: f32) -> Vec<f32> {
+        let middle = 500.0;
+        let values: Vec<f32> = (0..DIRECTIONS)
+            .map(|direction| {
+                let (sin, cos) = real(direction).to_radians().sin_cos();
+                let mut column = vec![0.0_f32; 1000];
+                for wall in samples {
+                    let rho = (wall.x * cos + wall.y * sin) / bin + middle;
+                    column[index(rho)] += 1.0 - rho.fract();
+                    column[index(rho) + 1] += rho.fract();
+                }
+                column
+                    .windows(9)
+                    .map(|window| (window[4] - window.iter().sum::<f32>() / 9.0).max(0.0).powi(2))
+                    .sum()
+            })
+            .collect();
+        let mean = values.iter().sum::<f32>() / real(DIRECTIONS);
+        values.iter().map(|value| value - mean).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn the_spectrum_equals_its_definition(points in proptest::collection::vec((-20.0_f32..20.0, -20.0_f32..20.0), 1..200)) {
+            let wall = |(x, y)| Wall { x, y, nx: 0.0, ny: 1.0, linearity: 1.0, strength: 0.0 };
+            let samples: Vec<Wall> = points.into_iter().map(wall).collect();
+            let (fast, slow) = (spectrum(&samples, 0.1), direct(&samples, 0.1));
+            let top = slow.iter().fold(1.0_f32, |top, value| top.max(value.abs()));
+            for (fast, slow) in fast.iter().zip(&slow) {
+                prop_assert!((fast - slow).abs() < 0.01 * top, "{fast} {slow}");
+            }
+        }
+    }
 }

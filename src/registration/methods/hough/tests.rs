@@ -45,7 +45,7 @@ fn state(point: Point) -> CellState {
 }
 
 /// The flat, looked at from a frame that stands at `pose_world_map` in it; only what `seen` lets through.
-fn map(resolution: f64, pose_world_map: Pose2, seen: impl Fn(Point) -> bool) -> OccupancyGrid {
+pub(super) fn map(resolution: f64, pose_world_map: Pose2, seen: impl Fn(Point) -> bool) -> OccupancyGrid {
     // large enough for the flat however it is turned
     let side = 40.0;
     let cells = super::num::round64(side / resolution);
@@ -69,7 +69,7 @@ fn map(resolution: f64, pose_world_map: Pose2, seen: impl Fn(Point) -> bool) -> 
     grid
 }
 
-fn everything(_: Point) -> bool {
+pub(super) fn everything(_: Point) -> bool {
     true
 }
 

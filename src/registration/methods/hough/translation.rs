@@ -1,4 +1,4 @@
-//! Translation candidates: the signed correlation of all shifts at once.
+//! Translation candidates: where walls agree and do not stand in free space.
 //!
 //! Convention: the moving map is turned first; a shift s of its raster puts its cell i on the fixed map's cell i + s.
 //! Method, sums over all cells (f fixed, m moving, see `raster` for O and F, `spread` for Od, `eroded` for Fe):
@@ -6,28 +6,24 @@
 //! (2) disagreement B(s) = sum Fe_f(i + s) O_m(i) + sum O_f(i + s) F_m(i);
 //! (3) S(s) = A - lambda B, for a lambda that trusts free space (2) and one that does not (0.5).
 //! The best local maxima (5 x 5 cells) of both lists over all rotations go on.
-//! Packing: with X = FFT(Od_f + i Fe_f) and Y = FFT(mu F_f + i O_f) once, and P = FFT(O_m + i F_m) a rotation,
-//! O_m^(k) = (P(k) + conj P(-k)) / 2 and F_m^(k) = (P(k) - conj P(-k)) / 2i, the inverse transform of
-//! conj(O_m^) X + conj(F_m^) Y is A + i B; without the conjugations it is that of the map turned by half a turn more. So
-//! one forward and two inverse transforms serve two rotations.
-//! Cost: (2 + 3 R) transforms for R rotations modulo pi: nearly all of the time of a search.
+//! Cost: (2 + 3 R) transforms for R rotations modulo pi (see `correlation`): nearly all of the time of a search.
 //! Differences from the paper: by the projection-slice theorem the correlation of two Hough columns (paper eq. 23-27) is
 //! a projection of A without the free space. The free space is what tells the right shift from the others: at low
 //! overlap the truth is among the best 30 in .09 of pairs for lambda = 0, in .91 for lambda = 2.
 
-#![expect(
-    clippy::many_single_char_names,
-    clippy::doc_markdown,
-    reason = "the letters of the formulas"
-)]
+#![expect(clippy::doc_markdown, reason = "the letters of the formulas")]
+
+use std::sync::Mutex;
 
 use rayon::prelude::*;
 use rustfft::num_complex::Complex32;
 
+use super::correlation::{Correlator, Scratch};
 use super::features::Features;
-use super::fft::{Plan, Planner, good_length};
+use super::fft::{Packed, Plan, Planner, good_length};
 use super::num::{index, narrow, real, signed};
 use super::params::HoughParameters;
+use super::peaks::Tops;
 use super::placement::Placement;
 use super::raster::{Raster, bounds};
 
@@ -51,188 +47,139 @@ pub(super) fn shifts(
     parameters: &HoughParameters,
 ) -> Vec<Shift> {
     let cell = narrow(HoughParameters::coarse_cell(fixed, moving));
-    let still = Raster::new(fixed, 0.0, cell);
-    let (mut width, mut height) = (0, 0);
-    for &rotation in rotations {
-        let (_, w, h) = bounds(moving, rotation, cell);
-        (width, height) = (width.max(w), height.max(h));
+    let (axes, [width, height]) = axes(fixed, moving, rotations, cell);
+    let plan = planner.plan(width, height);
+    let still = Raster::new(fixed, axes, cell);
+    let correlator = correlator(plan, &still);
+    let scratches = Pool::default();
+    let lists: Vec<Vec<Shift>> = rotations
+        .par_iter()
+        .map(|&rotation| {
+            let turned = Raster::new(moving, axes + rotation, cell);
+            scratches.lend(|scratch| of_rotation(&correlator, &still, &turned, cell, parameters, scratch))
+        })
+        .collect();
+    let mut all: Vec<Shift> = lists.into_iter().flatten().collect();
+    // back from the axes of the search into those of the fixed map
+    let (sin, cos) = axes.sin_cos();
+    for Shift { placement, .. } in &mut all {
+        *placement = Placement {
+            x: cos * placement.x + sin * placement.y,
+            y: cos * placement.y - sin * placement.x,
+            yaw: placement.yaw - axes,
+        };
     }
+    best_of_both(&all, parameters.kept_shifts)
+}
+
+/// Turns of the search's axes that are looked at, over a quarter turn.
+const TURNS: u8 = 16;
+
+/// By how much both maps are turned for the search, and its width and height: as few cells as may be. A building is long
+/// and wide along its walls, and seldom along the axes of its map.
+fn axes(fixed: &Features, moving: &Features, rotations: &[f64], cell: f32) -> (f64, [usize; 2]) {
     // Shifts that leave less than LEAST_COMMON_M in common on an axis may wrap onto each other: they are worth nothing.
     let spare = index(LEAST_COMMON_M / cell);
     let length =
         |fixed: usize, moving: usize| good_length((fixed + moving - 1 - spare.min(fixed.min(moving) - 1)).max(2));
-    let plan = planner.plan(length(still.width, width), length(still.height, height));
-    let (x, y) = fixed_spectra(&plan, &still);
-    let lists: Vec<Vec<Shift>> = rotations
-        .par_iter()
-        .map(|&rotation| {
-            let turned = Raster::new(moving, rotation, cell);
-            of_rotation(&plan, &still, &turned, [&x, &y], rotation, cell, parameters)
-        })
-        .collect();
-    let all: Vec<Shift> = lists.into_iter().flatten().collect();
-    best_of_both(&all, parameters.kept_shifts)
+    let sizes = (0..TURNS).map(|turn| {
+        let axes = f64::from(turn) / f64::from(TURNS) * std::f64::consts::FRAC_PI_2;
+        let (_, still_width, still_height) = bounds(fixed, axes, cell);
+        let (mut width, mut height) = (0, 0);
+        for &rotation in rotations {
+            let (_, w, h) = bounds(moving, axes + rotation, cell);
+            (width, height) = (width.max(w), height.max(h));
+        }
+        (axes, [length(still_width, width), length(still_height, height)])
+    });
+    sizes
+        .min_by_key(|(_, [width, height])| width * height)
+        .expect("invariant: there is a turn")
 }
 
-fn fixed_spectra(plan: &Plan, still: &Raster) -> (Vec<Complex32>, Vec<Complex32>) {
-    // The factor makes up for the transforms' lack of one.
-    let scale = 1.0 / real(plan.len());
+/// Scratch that is lent to whoever works, and never more of it than work at a time.
+#[derive(Default)]
+struct Pool(Mutex<Vec<Scratch>>);
+
+impl Pool {
+    fn lend<T>(&self, work: impl FnOnce(&mut Scratch) -> T) -> T {
+        let all = || self.0.lock().expect("invariant: nobody panics while holding it");
+        let mut scratch = all().pop().unwrap_or_default();
+        let done = work(&mut scratch);
+        all().push(scratch);
+        done
+    }
+}
+
+fn correlator(plan: Plan, still: &Raster) -> Correlator {
     let (spread, eroded) = (still.spread(), still.eroded());
-    let pack = |re: &[f32], im: &[f32], by: f32| {
-        let mut data = vec![Complex32::default(); plan.len()];
-        for (j, row) in data.chunks_exact_mut(plan.width).take(still.height).enumerate() {
-            let from = j * still.width;
-            for ((out, re), im) in row.iter_mut().zip(&re[from..from + still.width]).zip(&im[from..]) {
-                *out = Complex32::new(by * scale * re, scale * im);
-            }
-        }
-        let mut spectrum = vec![Complex32::default(); plan.len()];
-        plan.forward(&mut data, still.height, &mut spectrum);
-        spectrum
+    let free: Vec<f32> = still.free.iter().map(|free| MU * free).collect();
+    let packed = |re, im| Packed {
+        width: still.width,
+        height: still.height,
+        re,
+        im,
     };
-    rayon::join(
-        || pack(&spread, &eroded, 1.0),
-        || pack(&still.free, &still.occupied, MU),
-    )
+    Correlator::new(plan, &packed(&spread, &eroded), &packed(&free, &still.occupied))
 }
 
 fn of_rotation(
-    plan: &Plan,
+    correlator: &Correlator,
     still: &Raster,
     turned: &Raster,
-    [x, y]: [&[Complex32]; 2],
-    rotation: f64,
     cell: f32,
     parameters: &HoughParameters,
+    scratch: &mut Scratch,
 ) -> Vec<Shift> {
-    let (width, height) = (plan.width, plan.height);
-    let mut data = vec![Complex32::default(); plan.len()];
-    for (j, row) in data.chunks_exact_mut(width).take(turned.height).enumerate() {
-        let from = j * turned.width;
-        let cells = turned.occupied[from..from + turned.width]
-            .iter()
-            .zip(&turned.free[from..]);
-        for (out, (&occupied, &free)) in row.iter_mut().zip(cells) {
-            *out = Complex32::new(occupied, free);
+    let image = Packed {
+        width: turned.width,
+        height: turned.height,
+        re: &turned.occupied,
+        im: &turned.free,
+    };
+    correlator.correlate(&image, scratch);
+    let plan = correlator.plan();
+    let finish = |data: &mut [Complex32]| {
+        let mut inner = vec![Complex32::default(); plan.scratch_len()];
+        let mut tops = Tops::new(plan.width, plan.height, parameters.lambdas);
+        for row in data.chunks_exact_mut(plan.width) {
+            plan.inverse_rows(row, &mut inner);
+            tops.push(row);
         }
-    }
-    let mut spectrum = vec![Complex32::default(); plan.len()];
-    plan.forward(&mut data, turned.height, &mut spectrum);
-    let mut half_turn = vec![Complex32::default(); plan.len()];
-    multiply(&mut spectrum, &mut half_turn, x, y, height);
-    let mut found = Vec::new();
-    let list = parameters.shifts_per_rotation;
+        tops.peaks(data, parameters.shifts_per_rotation)
+    };
+    let (straight, half_turn) = rayon::join(|| finish(&mut scratch.straight), || finish(&mut scratch.half_turn));
+    let int = |value: usize| isize::try_from(value).expect("invariant: arrays are small");
+    let straight = straight.into_iter().map(|peak| {
+        // shifts run from -(moving - 1) to fixed - 1; the negative ones stand at the end
+        let unwrapped =
+            |at: usize, size: usize, used: usize| signed(if at >= used { int(at) - int(size) } else { int(at) });
+        let shift = [
+            unwrapped(peak.column, plan.width, still.width),
+            unwrapped(peak.row, plan.height, still.height),
+        ];
+        (peak, shift, 0.0, 1.0)
+    });
     // The raster's cell i lies at corner + (i + 0.5) cell; turned by half a turn, at -corner - (i + 0.5) cell.
-    for (product, turn, sign) in [
-        (&mut spectrum, 0.0, 1.0),
-        (&mut half_turn, std::f64::consts::PI, -1.0_f32),
-    ] {
-        plan.inverse(product, &mut data);
-        for peak in peaks(&data, width, height, parameters.lambdas, list) {
-            let mut at = [peak.column, peak.row].map(|i| isize::try_from(i).expect("invariant: arrays are small"));
-            if turn == 0.0 {
-                // shifts run from -(moving - 1) to fixed - 1; the negative ones stand at the end
-                for (i, (size, used)) in at.iter_mut().zip([(width, still.width), (height, still.height)]) {
-                    if *i >= isize::try_from(used).expect("invariant: arrays are small") {
-                        *i -= isize::try_from(size).expect("invariant: arrays are small");
-                    }
-                }
-            }
-            let [sx, sy] = at.map(signed);
-            let extra = if turn == 0.0 { 0.0 } else { cell };
-            found.push(Shift {
-                placement: Placement {
-                    x: f64::from(still.corner.0 - sign * turned.corner.0 + extra + sx * cell),
-                    y: f64::from(still.corner.1 - sign * turned.corner.1 + extra + sy * cell),
-                    yaw: rotation + turn,
-                },
-                scores: peak.scores,
-            });
-        }
-    }
-    found
-}
-
-/// Turns P (in `product`) into conj(O^) X + conj(F^) Y, and fills `half_turn` with O^ X + F^ Y.
-fn multiply(product: &mut [Complex32], half_turn: &mut [Complex32], x: &[Complex32], y: &[Complex32], height: usize) {
-    let width = product.len() / height;
-    for kx in 0..=width / 2 {
-        let mirror = (width - kx) % width;
-        for ky in 0..height {
-            let (a, b) = (kx * height + ky, mirror * height + (height - ky) % height);
-            if kx == mirror && a > b {
-                continue;
-            }
-            let (p, q) = (product[a], product[b].conj());
-            let occupied = (p + q) * 0.5;
-            let free = Complex32::new(0.5 * (p.im - q.im), -0.5 * (p.re - q.re));
-            product[a] = occupied.conj() * x[a] + free.conj() * y[a];
-            half_turn[a] = occupied * x[a] + free * y[a];
-            // at -k the spectra of the real O and F are the conjugates
-            product[b] = occupied * x[b] + free * y[b];
-            half_turn[b] = occupied.conj() * x[b] + free.conj() * y[b];
-        }
-    }
-}
-
-struct Peak {
-    column: usize,
-    row: usize,
-    scores: [f32; 2],
-}
-
-/// The best `list` local maxima of re - lambda im for each lambda.
-fn peaks(data: &[Complex32], width: usize, height: usize, lambdas: [f32; 2], list: usize) -> Vec<Peak> {
-    const CHUNK: usize = 16;
-    let mut found = Vec::new();
-    for lambda in lambdas {
-        let score = |cell: Complex32| cell.re - lambda * cell.im;
-        let mut best: Vec<(f32, usize)> = Vec::with_capacity(list + 1);
-        let mut least = 1.0_f32; // a fifth of a metre of wall
-        for (chunk, cells) in data.chunks(CHUNK).enumerate() {
-            let top = cells.iter().map(|&cell| score(cell)).fold(f32::MIN, f32::max);
-            if top <= least {
-                continue;
-            }
-            for (offset, &cell) in cells.iter().enumerate() {
-                let (value, index) = (score(cell), chunk * CHUNK + offset);
-                if value > least && is_peak(data, width, height, index, value, score) {
-                    let place = best.partition_point(|&(other, _)| other >= value);
-                    best.insert(place, (value, index));
-                    best.truncate(list);
-                    if best.len() == list {
-                        least = best[list - 1].0;
-                    }
-                }
-            }
-        }
-        found.extend(best.into_iter().map(|(_, index)| Peak {
-            column: index % width,
-            row: index / width,
-            scores: lambdas.map(|lambda| data[index].re - lambda * data[index].im),
-        }));
-    }
-    found
-}
-
-/// Whether no cell within two has more, and none before it as much. Shifts wrap around.
-fn is_peak(
-    data: &[Complex32],
-    width: usize,
-    height: usize,
-    index: usize,
-    value: f32,
-    score: impl Fn(Complex32) -> f32,
-) -> bool {
-    let (column, row) = (index % width, index / width);
-    (0..5).all(|dy| {
-        let line = (row + height + dy - 2) % height * width;
-        (0..5).all(|dx| {
-            let other = line + (column + width + dx - 2) % width;
-            let rival = score(data[other]);
-            rival < value || other == index || (rival <= value && other > index)
+    let half_turn = half_turn.into_iter().map(|peak| {
+        (
+            peak,
+            [real(peak.column + 1), real(peak.row + 1)],
+            std::f64::consts::PI,
+            -1.0,
+        )
+    });
+    straight
+        .chain(half_turn)
+        .map(|(peak, [sx, sy], turn, sign)| Shift {
+            placement: Placement {
+                x: f64::from(still.corner.0 - sign * turned.corner.0 + sx * cell),
+                y: f64::from(still.corner.1 - sign * turned.corner.1 + sy * cell),
+                yaw: turned.rotation + turn,
+            },
+            scores: peak.scores,
         })
-    })
+        .collect()
 }
 
 /// The best `kept[i]` by `scores[i]` for both i, in a fixed order, no shift twice.
@@ -282,6 +229,7 @@ mod tests {
             width,
             height,
             corner: (0.0, 0.0),
+            rotation: 0.0,
             occupied: values.iter().map(|value| part(value, 0)).collect(),
             free: values.iter().map(|value| part(value, 60)).collect(),
         }
@@ -315,19 +263,17 @@ mod tests {
                                                        turned in proptest::collection::vec(0_u8..120, 5 * 6)) {
             let (still, turned) = (raster(9, 7, &still), raster(5, 6, &turned));
             let plan = Planner::new().plan(good_length(9 + 5 - 1), good_length(7 + 6 - 1));
-            let (x, y) = fixed_spectra(&plan, &still);
-            let mut data = vec![Complex32::default(); plan.len()];
-            for j in 0..6 {
-                for i in 0..5 {
-                    data[j * plan.width + i] = Complex32::new(turned.occupied[j * 5 + i], turned.free[j * 5 + i]);
-                }
-            }
-            let mut spectrum = vec![Complex32::default(); plan.len()];
-            plan.forward(&mut data, 6, &mut spectrum);
-            let mut half_turn = spectrum.clone();
-            multiply(&mut spectrum, &mut half_turn, &x, &y, plan.height);
-            for (product, sign, shifts) in [(&mut spectrum, 1, (-4..9, -5..7)), (&mut half_turn, -1, (0..13, 0..12))] {
-                plan.inverse(product, &mut data);
+            let correlator = correlator(plan, &still);
+            let image = Packed { width: 5, height: 6, re: &turned.occupied, im: &turned.free };
+            let mut scratch = Scratch::default();
+            // twice: what the first left in the scratch must not matter
+            correlator.correlate(&image, &mut scratch);
+            correlator.correlate(&image, &mut scratch);
+            let Scratch { straight, half_turn, .. } = &mut scratch;
+            let plan = correlator.plan();
+            let mut inner = vec![Complex32::default(); plan.scratch_len()];
+            for (data, sign, shifts) in [(straight, 1, (-4..9, -5..7)), (half_turn, -1, (0..13, 0..12))] {
+                plan.inverse_rows(data, &mut inner);
                 for sy in shifts.1 {
                     for sx in shifts.0.clone() {
                         let at = |s: isize, size: usize| {
