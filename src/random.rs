@@ -63,6 +63,13 @@ impl Random {
     pub fn pick<T: Copy>(&mut self, items: &[T]) -> T {
         items[self.below(items.len())]
     }
+
+    /// Puts the items in any order (Fisher and Yates).
+    pub fn shuffle<T>(&mut self, items: &mut [T]) {
+        for last in (1..items.len()).rev() {
+            items.swap(last, self.below(last + 1));
+        }
+    }
 }
 
 /// The finaliser of `SplitMix64`.
@@ -101,5 +108,10 @@ mod tests {
         }
         assert!(seen.iter().all(|&n| (3_700..4_300).contains(&n)), "{seen:?}");
         assert_eq!(random.below(0), 0);
+        let mut items: Vec<u32> = (0..20).collect();
+        random.shuffle(&mut items);
+        assert!(items.windows(2).any(|pair| pair[0] > pair[1]));
+        items.sort_unstable();
+        assert_eq!(items, (0..20).collect::<Vec<_>>());
     }
 }

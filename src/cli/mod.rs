@@ -31,6 +31,7 @@ mod runtime;
 #[cfg(feature = "server")]
 mod serve;
 mod simulate;
+mod simulate_fleets;
 mod stopwatch;
 mod terminal;
 #[cfg(feature = "client")]

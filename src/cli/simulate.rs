@@ -1,4 +1,4 @@
-//! `mapweld simulate`: writes a labelled set of simulated pairs of maps.
+//! `mapweld simulate`: writes labelled pairs of simulated maps; sets and growing maps are `simulate_fleets`.
 
 use std::fs;
 use std::num::NonZeroUsize;
@@ -9,15 +9,16 @@ use serde_json::{Value, json};
 
 use super::files::write;
 use super::terminal::{say, tell};
-use super::{BadInput, Done, Failure, in_pool};
+use super::{BadInput, Done, Failure, in_pool, simulate_fleets};
 use crate::codec::{encode_png, encode_yaml};
 use crate::geometry::Pose2;
 use crate::grid::{CellState, OccupancyGrid};
 use crate::simulation::{MapPair, PairRequest, Relation, SimulationError, Truth, WorldKind, generate_pair};
 
-/// Write simulated pairs of maps with their truth: FOLDER/pairs.json and FOLDER/maps.
+/// Write simulated maps with their truth: FOLDER/pairs.json, sets.json and growth.json, and FOLDER/maps.
 ///
-/// The same seed and counts give the same files. `mapweld evaluate` measures registration methods on them.
+/// The same seed and counts give the same files. `mapweld evaluate` measures on them. A list of which none is asked for is
+/// not written.
 #[derive(Debug, clap::Args)]
 pub(super) struct Simulate {
     /// Where to write; made when it is not there.
@@ -35,8 +36,20 @@ pub(super) struct Simulate {
     /// Pairs of maps of different buildings.
     #[arg(long, default_value_t = 20)]
     different: u64,
-    /// Kinds of worlds, separated by commas; all when none is named: office, repetitive, hall, angled, clutter, flat,
-    /// corridors, blocks.
+    /// Sets of maps: a fleet of robots in one building.
+    #[arg(long, default_value_t = 0)]
+    sets: u64,
+    /// Growth sequences: the maps of a fleet as they grow.
+    #[arg(long, default_value_t = 0)]
+    growth: u64,
+    /// Robots of a fleet.
+    #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..=100))]
+    robots: u16,
+    /// Robots of another building that are put among a set's, not to be placed.
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=100))]
+    strangers: u16,
+    /// Kinds of worlds, separated by commas; all but campus when none is named: office, repetitive, hall, angled, clutter,
+    /// flat, corridors, blocks, campus.
     #[arg(long, value_delimiter = ',')]
     kinds: Vec<WorldKind>,
     /// Different worlds of each kind.
@@ -50,6 +63,19 @@ pub(super) struct Simulate {
 impl Simulate {
     pub(super) fn run(self) -> Result<Done, Failure> {
         fs::create_dir_all(self.out.join("maps")).bad_input(|| format!("cannot make {}", self.out.display()))?;
+        let fleets = simulate_fleets::Fleets {
+            out: &self.out,
+            seed: self.seed,
+            kinds: self.kinds(),
+            robots: self.robots.into(),
+            strangers: self.strangers.into(),
+        };
+        in_pool(self.threads, || {
+            fleets.sets(self.sets).and_then(|()| fleets.growth(self.growth))
+        })??;
+        if self.matching + self.same_building + self.different == 0 {
+            return Ok(Done::Entirely);
+        }
         let requests = self.requests();
         let made: Vec<_> = in_pool(self.threads, || {
             requests
@@ -75,13 +101,17 @@ impl Simulate {
         Ok(Done::Entirely)
     }
 
-    /// Each relation goes round the kinds.
-    fn requests(&self) -> Vec<PairRequest> {
-        let kinds = if self.kinds.is_empty() {
-            &WorldKind::ALL[..]
+    fn kinds(&self) -> &[WorldKind] {
+        if self.kinds.is_empty() {
+            &WorldKind::BUILDINGS
         } else {
             &self.kinds
-        };
+        }
+    }
+
+    /// Each relation goes round the kinds.
+    fn requests(&self) -> Vec<PairRequest> {
+        let kinds = self.kinds();
         [
             (Relation::Matching, self.matching),
             (Relation::SameBuilding, self.same_building),
@@ -195,6 +225,10 @@ mod tests {
             matching: 1,
             same_building: 1,
             different: 1,
+            sets: 0,
+            growth: 0,
+            robots: 2,
+            strangers: 0,
             kinds: vec![WorldKind::Blocks],
             worlds: 3,
             threads: NonZeroUsize::new(threads),

@@ -1,19 +1,21 @@
-//! Groups of maps that stand apart, joined: by what several of their pairs agree on, or group against group.
+//! Groups of maps that stand apart, joined: where a candidate lays them so that all pairs agree, or group against group.
 
 use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
+use super::body::Body;
 use super::contradiction::{Lying, contradict};
 use super::fuse::{PlacedMap, fuse};
 use super::group::{candidate_link, kept_apart};
-use super::joint::{Hint, bridge};
+use super::hypotheses;
 use super::layout::{Layout, Link};
 use super::maps::{Maps, stop_of};
 use super::outcome::{BridgeRecord, PairRecord, PairRole, WeldError};
+use super::standards::{Fit, Standards};
 use super::{Edge, FuseOptions};
 use crate::geometry::Pose2;
-use crate::registration::{MapFeatures, Registration};
+use crate::registration::{Candidate, MapFeatures, Registration};
 
 /// The registrations of groups so far.
 #[derive(Debug, Default)]
@@ -35,11 +37,12 @@ impl Bridges {
         if layout.groups().len() == 1 {
             return Ok(false);
         }
-        if join_by_hints(maps, pairs, links, layout) {
+        let standards = Standards::learn(maps, pairs, |pair| confirmed(maps, layout, pair));
+        if join_by_hypotheses(maps, pairs, links, layout, &standards) {
             return Ok(true);
         }
         maps.go_on()?;
-        self.join_by_groups(maps, pairs, links, layout)
+        self.join_by_groups(maps, pairs, links, layout, &standards)
     }
 
     fn join_by_groups(
@@ -48,6 +51,7 @@ impl Bridges {
         pairs: &mut [PairRecord],
         links: &mut Vec<Link>,
         layout: &Layout,
+        standards: &Standards,
     ) -> Result<bool, WeldError> {
         let groups = layout.groups();
         let untried: Vec<(usize, usize)> = group_pairs(maps, layout, &groups)
@@ -87,6 +91,7 @@ impl Bridges {
         for (index, record) in self.records.iter().enumerate().filter(|(_, record)| applies(record)) {
             if let Some(accepted) = record.registration.accepted()
                 && best.is_none_or(|(score, _)| accepted.evidence.score > score)
+                && !standards.doubted(&Fit::of(&accepted.evidence))
                 && can_lie(
                     maps,
                     layout,
@@ -117,34 +122,57 @@ impl Bridges {
         });
         let pose = accepted.pose_fixed_moving;
         let (fixed, moving) = (record.fixed[0], record.moving[0]);
-        let agreeing: Vec<(usize, usize)> = hints(maps, pairs, layout, fixed, moving)
-            .filter(|hint| distance(maps, layout, moving, hint.pose_a_b, pose) <= maps.options.joint.tolerance_m)
-            .map(|hint| (hint.pair, hint.candidate))
-            .collect();
-        support(pairs, links, agreeing);
+        let agreeing = hypotheses::agreeing(maps, pairs, layout, (fixed, moving), pose);
+        support(maps, pairs, links, agreeing);
         Ok(true)
     }
 }
 
-/// Joins by joint evidence.
-fn join_by_hints(maps: &Maps<'_>, pairs: &mut [PairRecord], links: &mut Vec<Link>, layout: &Layout) -> bool {
+/// Which candidate of a pair the layout confirms, when both of its maps are in one group.
+fn confirmed(maps: &Maps<'_>, layout: &Layout, pair: &PairRecord) -> Option<usize> {
+    let Some(Registration::Rejected(rejection)) = &pair.registration else {
+        return None;
+    };
+    if layout.first[pair.fixed] != layout.first[pair.moving] {
+        return None;
+    }
+    let pose = layout.relative(pair.fixed, pair.moving);
+    let near = |candidate: &Candidate| {
+        maps.moments[pair.moving].distance(candidate.pose_fixed_moving, pose) <= maps.options.standards.apart_m
+    };
+    rejection.candidates.iter().position(near)
+}
+
+/// Joins the two groups whose place stands out most.
+fn join_by_hypotheses(
+    maps: &Maps<'_>,
+    pairs: &mut [PairRecord],
+    links: &mut Vec<Link>,
+    layout: &Layout,
+    standards: &Standards,
+) -> bool {
     let groups = layout.groups();
-    let best = group_pairs(maps, layout, &groups)
+    let bodies: Vec<Body> = (groups.par_iter())
+        .map(|group| Body::new(maps, group.iter().map(|&map| (map, layout.places[map].pose)).collect()))
+        .collect();
+    let bridges: Vec<hypotheses::Bridge> = group_pairs(maps, layout, &groups)
+        .collect::<Vec<_>>()
+        .into_par_iter()
         .filter_map(|(a, b)| {
-            let (a, b) = (groups[a][0], groups[b][0]);
-            let hints: Vec<Hint> = hints(maps, pairs, layout, a, b).collect();
-            bridge(
-                &hints,
-                |one, other| distance(maps, layout, b, one, other),
-                &maps.options.joint,
-            )
+            let between = hypotheses::Between {
+                firsts: (groups[a][0], groups[b][0]),
+                bodies: (&bodies[a], &bodies[b]),
+                alone: groups[a].len() + groups[b].len() == 2,
+            };
+            let bridge = hypotheses::bridge(maps, pairs, layout, standards, &between)?;
+            can_lie(maps, layout, groups[a][0], groups[b][0], bridge.pose_a_b).then_some(bridge)
         })
-        .reduce(|best, next| if next.score > best.score { next } else { best });
+        .collect();
+    let best = bridges
+        .into_iter()
+        .reduce(|best, next| if next.margin > best.margin { next } else { best });
     match best {
-        Some(bridge) => {
-            support(pairs, links, bridge.hints);
-            true
-        }
+        Some(bridge) => support(maps, pairs, links, bridge.hints),
         None => false,
     }
 }
@@ -158,14 +186,39 @@ fn can_lie(maps: &Maps<'_>, layout: &Layout, a: usize, b: usize, pose_a_b: Pose2
     !contradict(maps, &group(a), &group(b), pose_a_b, None)
 }
 
-/// Makes links of candidates; of a pair's candidates the first one counts.
-fn support(pairs: &mut [PairRecord], links: &mut Vec<Link>, hints: Vec<(usize, usize)>) {
-    for (pair, candidate) in hints {
-        if pairs[pair].role == PairRole::Unused {
-            pairs[pair].role = PairRole::JointSupport(candidate);
-            links.push(candidate_link(&pairs[pair], candidate, pair));
+/// Makes links of candidates. The runner-up of an accepted pair is looked at once more, there only.
+fn support(maps: &Maps<'_>, pairs: &mut [PairRecord], links: &mut Vec<Link>, hints: Vec<(usize, usize)>) -> bool {
+    let before = links.len();
+    for (index, candidate) in hints {
+        let pair = &mut pairs[index];
+        match (&pair.registration, candidate) {
+            (Some(Registration::Accepted(accepted)), 1..) => {
+                let Some(rival) = accepted.evidence.runner_up else {
+                    continue;
+                };
+                let [fixed, moving] = [pair.fixed, pair.moving].map(|map| &maps.features[map]);
+                let answer = maps
+                    .method()
+                    .verify_at(fixed, moving, rival.pose_fixed_moving, maps.control);
+                if answer.accepted().is_none() {
+                    continue;
+                }
+                pair.registration = Some(answer);
+                pair.role = PairRole::Support;
+                links.push(candidate_link(pair, 0, index));
+            }
+            (Some(Registration::Accepted(_)), _) => {
+                pair.role = PairRole::Support;
+                links.push(candidate_link(pair, 0, index));
+            }
+            _ if pair.role == PairRole::Unused => {
+                pair.role = PairRole::JointSupport(candidate);
+                links.push(candidate_link(pair, candidate, index));
+            }
+            _ => {}
         }
     }
+    links.len() > before
 }
 
 /// Pairs of groups that may be joined, by their place in `groups`.
@@ -177,52 +230,6 @@ fn group_pairs<'a>(
     (0..groups.len())
         .flat_map(|a| (a + 1..groups.len()).map(move |b| (a, b)))
         .filter(|&(a, b)| !kept_apart(maps, layout, groups[a][0], groups[b][0]))
-}
-
-/// What the candidates of all rejected pairs between two groups (named by their first maps) say of how they lie; not those
-/// that the method would never publish.
-fn hints<'a>(
-    maps: &'a Maps<'_>,
-    pairs: &'a [PairRecord],
-    layout: &'a Layout,
-    a: usize,
-    b: usize,
-) -> impl Iterator<Item = Hint> + 'a {
-    let required = maps.method().required_verification();
-    pairs.iter().enumerate().flat_map(move |(index, pair)| {
-        let [fixed, moving] = [pair.fixed, pair.moving].map(|map| layout.first[map]);
-        let candidates = match &pair.registration {
-            Some(Registration::Rejected(rejection)) if [fixed, moving] == [a, b] || [fixed, moving] == [b, a] => {
-                rejection.candidates.as_slice()
-            }
-            _ => &[],
-        };
-        let candidates = candidates.iter().enumerate();
-        let publishable = candidates.filter(move |(_, hypothesis)| hypothesis.evidence.suffices(required));
-        publishable.map(move |(candidate, hypothesis)| {
-            let [at_fixed, at_moving] = [pair.fixed, pair.moving].map(|map| layout.places[map].pose);
-            let pose = at_fixed * hypothesis.pose_fixed_moving * at_moving.inverse();
-            Hint {
-                pair: index,
-                candidate,
-                pose_a_b: if fixed == a { pose } else { pose.inverse() },
-                score: hypothesis.evidence.score,
-                matched_m: hypothesis.evidence.matched_wall_m,
-                violated_m: hypothesis.evidence.violated_wall_m,
-            }
-        })
-    })
-}
-
-/// How far apart two poses of a group lay its maps, at most.
-fn distance(maps: &Maps<'_>, layout: &Layout, first: usize, one: Pose2, other: Pose2) -> f64 {
-    (0..maps.len())
-        .filter(|&map| layout.first[map] == first)
-        .map(|map| {
-            let place = layout.places[map].pose;
-            maps.moments[map].distance(one * place, other * place)
-        })
-        .fold(0.0, f64::max)
 }
 
 /// The features of a group, fused in the frame of its first map; `None` when it is too large to be fused.

@@ -81,6 +81,11 @@ pub(super) fn words(grid: &OccupancyGrid, tolerance_m: f64) -> Vec<Word> {
 
 /// Whether there is an occupied cell within the tolerance (rounded to whole cells, along the lattice's axes).
 pub(super) fn near_occupied(grid: &OccupancyGrid, tolerance_m: f64) -> Vec<bool> {
+    near(grid, tolerance_m, |state| state == CellState::Occupied)
+}
+
+/// Whether there is such a cell within the tolerance.
+pub(super) fn near(grid: &OccupancyGrid, tolerance_m: f64, such: impl Fn(CellState) -> bool + Sync) -> Vec<bool> {
     let width = grid.lattice().width() as usize;
     let reach = reach_cells(tolerance_m / grid.lattice().resolution());
     let mut along = vec![false; grid.cells().len()];
@@ -88,11 +93,7 @@ pub(super) fn near_occupied(grid: &OccupancyGrid, tolerance_m: f64) -> Vec<bool>
         .par_chunks_mut(width)
         .zip(grid.cells().par_chunks(width))
         .for_each(|(near, cells)| {
-            for (column, _) in cells
-                .iter()
-                .enumerate()
-                .filter(|(_, c)| c.state() == CellState::Occupied)
-            {
+            for (column, _) in cells.iter().enumerate().filter(|(_, c)| such(c.state())) {
                 near[column.saturating_sub(reach)..(column + reach + 1).min(width)].fill(true);
             }
         });

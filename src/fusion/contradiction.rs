@@ -13,8 +13,8 @@ use crate::geometry::Pose2;
 /// When maps contradict each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContradictionRules {
-    /// Walls within this distance are the same one, in metres. Default 0.25: poses in a large group are off by more than
-    /// those of a pair, and maps are bent.
+    /// Walls within this distance are the same one, in metres, also where groups are laid over each other in search of
+    /// their place. Default 0.25: poses in a large group are off by more than those of a pair, and maps are bent.
     pub tolerance_m: f64,
     /// The largest share of compared wall that may stand in the other group's free space. Default 0.12: right joins of
     /// recorded and simulated maps stay below 0.02, wrong ones between repeated floors lie above 0.18.
@@ -54,7 +54,7 @@ pub(super) fn contradict(
         .into_par_iter()
         .map(|((a, pose_a), (b, pose_b))| {
             let pose_a_b = pose_a.inverse() * pose_fixed_moving * pose_b;
-            agreement(maps.sketched(a), maps.sketched(b), pose_a_b, rules.tolerance_m)
+            agreement(maps.sketched(a), maps.sketched(b), pose_a_b)
         })
         .collect();
     let all = looks.into_iter().fold(WallAgreement::default(), WallAgreement::plus);

@@ -4,12 +4,13 @@
 //!
 //! 1. Maps with known poses are looked at there (`known_poses`).
 //! 2. All other pairs are registered, in parallel.
-//! 3. Of the accepted pairs the heaviest set that can be true together is kept (`consistency`); none may join maps that
-//!    an operator keeps apart, or groups whose walls contradict each other (`contradiction`).
+//! 3. Accepted pairs that look like candidates which are known to be wrong are doubted (`standards`). Of the others the
+//!    heaviest set that can be true together is kept (`consistency`); none may join maps that an operator keeps apart, or
+//!    groups whose walls contradict each other (`contradiction`).
 //! 4. An operator's guess decides between the candidates of a pair that was not accepted.
-//! 5. Groups that stand apart are joined, the surest first, by candidates on which several pairs agree (`joint`), then
-//!    by registering the groups themselves, each fused into one map: such a map shows more of what the other has seen,
-//!    and more that contradicts a wrong place, than any of its parts (`bridges`).
+//! 5. Groups that stand apart are joined, the surest first, where one of the candidates lays them so that all pairs
+//!    between them agree (`hypotheses`), then by registering the groups themselves, each fused into one map: such a map
+//!    shows more of what the other has seen, and more that contradicts a wrong place, than any of its parts (`bridges`).
 //! 6. After each step the poses are those of the pose graph (`pose_graph`).
 //!
 //! **Cost.** n (n - 1) / 2 registrations when nothing is known beforehand.
@@ -26,6 +27,7 @@ use super::known_poses::{self, KnownPoses};
 use super::layout::{Layout, Link, lay_out};
 use super::maps::{Maps, Stages, stop_of};
 use super::outcome::{PairCheck, PairRecord, PairRole, RegisteredSet, WeldError};
+use super::standards::{Fit, Standards};
 use super::union_find::UnionFind;
 use super::{Edge, Verdict, report, verdicts};
 use crate::geometry::Pose2;
@@ -118,19 +120,14 @@ fn record(maps: &Maps<'_>, known: &KnownPoses, a: usize, b: usize) -> PairRecord
 fn consistent_links(maps: &Maps<'_>, pairs: &mut [PairRecord]) -> Vec<Link> {
     let certain = maps.certain_edges().into_iter();
     let mut links: Vec<Link> = certain.map(|edge| Link { edge, pair: None }).collect();
-    for (index, pair) in pairs.iter().enumerate() {
+    let standards = Standards::learn(maps, pairs, |_| None);
+    for (index, pair) in pairs.iter_mut().enumerate() {
         if let Some(Registration::Accepted(accepted)) = &pair.registration {
-            links.push(Link {
-                edge: Edge {
-                    a: pair.fixed,
-                    b: pair.moving,
-                    pose_a_b: accepted.pose_fixed_moving,
-                    covariance: accepted.covariance,
-                    weight: accepted.evidence.score,
-                    certain: false,
-                },
-                pair: Some(index),
-            });
+            if standards.doubted(&Fit::of(&accepted.evidence)) {
+                pair.role = PairRole::Contradicted;
+            } else {
+                links.push(candidate_link(pair, 0, index));
+            }
         }
     }
     let edges: Vec<Edge> = links.iter().map(|link| link.edge.clone()).collect();
@@ -232,19 +229,23 @@ fn follow_guesses(maps: &Maps<'_>, known: &KnownPoses, pairs: &mut [PairRecord],
     }
 }
 
-/// The link that a candidate of a rejected pair makes.
+/// The link that a candidate of a pair makes; an accepted pair has only one.
 pub(super) fn candidate_link(pair: &PairRecord, candidate: usize, index: usize) -> Link {
-    let Some(Registration::Rejected(rejection)) = &pair.registration else {
-        unreachable!("invariant: only rejected pairs have candidates")
+    let (pose_a_b, covariance, evidence) = match &pair.registration {
+        Some(Registration::Accepted(accepted)) => (accepted.pose_fixed_moving, accepted.covariance, &accepted.evidence),
+        Some(Registration::Rejected(rejection)) => {
+            let candidate = &rejection.candidates[candidate];
+            (candidate.pose_fixed_moving, candidate.covariance, &candidate.evidence)
+        }
+        None => unreachable!("invariant: only pairs with an answer have candidates"),
     };
-    let candidate = &rejection.candidates[candidate];
     Link {
         edge: Edge {
             a: pair.fixed,
             b: pair.moving,
-            pose_a_b: candidate.pose_fixed_moving,
-            covariance: candidate.covariance,
-            weight: candidate.evidence.score,
+            pose_a_b,
+            covariance,
+            weight: evidence.score,
             certain: false,
         },
         pair: Some(index),

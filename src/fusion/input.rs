@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{ConsistencyRules, ContradictionRules, FuseOptions, JointRules, KnownPoseRules};
+use super::{ConsistencyRules, ContradictionRules, FuseOptions, KnownPoseRules, StandardRules};
 use crate::geometry::Pose2;
 use crate::grid::OccupancyGrid;
 use crate::registration::{MapFeatures, Method, Registration};
@@ -99,8 +99,8 @@ pub struct WeldOptions {
     pub consistency: ConsistencyRules,
     /// When maps contradict each other.
     pub contradiction: ContradictionRules,
-    /// When hypotheses of several pairs together make up for what each lacks.
-    pub joint: JointRules,
+    /// What the set's pairs are held to.
+    pub standards: StandardRules,
     /// When a known pose still holds.
     pub known_poses: KnownPoseRules,
     /// How placed maps are added up.
@@ -119,7 +119,7 @@ impl WeldOptions {
             known_pairs: Vec::new(),
             consistency: ConsistencyRules::default(),
             contradiction: ContradictionRules::default(),
-            joint: JointRules::default(),
+            standards: StandardRules::default(),
             known_poses: KnownPoseRules::default(),
             fuse: FuseOptions::default(),
         }

@@ -2,15 +2,16 @@
 //!
 //! **Method.**
 //!
-//! 1. A robot's new map is laid over its earlier one, unmoved. When too much of the walls of one stands in the free space
-//!    of the other, the robot's own frame has moved (a loop closure, a restart); the two maps are registered, and the
+//! 1. A robot's earlier map is laid over its new one, unmoved. When too much of its walls stands in the free space of the
+//!    new one, the robot's own frame has moved (a loop closure, a restart); the two maps are registered, and the
 //!    known pose is moved along. No registration, no known pose. When the anchor's frame moves, all poses are told in the
 //!    new one.
 //! 2. Of all pairs whose known poses make them overlap, each map takes part with the few that it has most in common
 //!    with; `Method::verify_at` looks at each such pair at its known pose only. It holds when the pair is accepted within
-//!    the reach of that pose.
+//!    the reach of that pose, and the maps do not contradict each other there by the rules of `contradiction`: what a
+//!    small map could not know, a grown one may.
 //! 3. Maps that pairs which hold connect to the anchor are settled: no search is made among them. All others go through
-//!    the full search.
+//!    the full search, and so does a map whose known pose little wall speaks for as yet: it might be found elsewhere.
 //!
 //! **Cost.** One look at a pose for each pair of neighbours, instead of a search for each pair.
 
@@ -19,7 +20,8 @@ use rayon::prelude::*;
 use super::input::Prior;
 use super::maps::{Maps, stop_of};
 use super::outcome::{FrameJump, WeldError};
-use super::sketch::{Sketch, agreement, overlap};
+use super::sketch::{Sketch, look_up, overlap};
+use super::standards::Fit;
 use super::union_find::UnionFind;
 use crate::geometry::Pose2;
 use crate::grid::OccupancyGrid;
@@ -31,28 +33,29 @@ pub struct KnownPoseRules {
     /// How far from an earlier version's pose a map may be found and still be where it was: RMS in metres over its walls.
     /// Default 0.3: more than a growing map's pose improves by, less than any other place of a building is away.
     pub reach_m: f64,
-    /// How many neighbours each map is looked at with. Default 3.
+    /// How many neighbours each map is looked at with, beside those that keep the maps in one piece. Default 2.
     pub neighbours: usize,
     /// The least overlap by the known poses for two maps to be neighbours, in [0, 1]. Default 0.05.
     pub overlap_min: f64,
-    /// A robot's frame has moved when more than this share of the walls of its new and its earlier map stand in the
-    /// other's free space. Default 0.25.
+    /// Held wall (see `standards`) of a pair that holds, in metres, at least. Default 25: three rooms; a known pose that less
+    /// speaks for is looked for once more.
+    pub held_min_m: f64,
+    /// A robot's frame has moved when more than this share of the walls of its earlier map stand in the free space of its
+    /// new one. Default 0.25.
     pub jump_share: f64,
     /// A robot's frame has moved when its new map is found this far from its earlier one: RMS in metres. Default 0.1.
     pub jump_m: f64,
-    /// Walls within this distance are the same one, in metres. Default 0.1.
-    pub wall_tolerance_m: f64,
 }
 
 impl Default for KnownPoseRules {
     fn default() -> Self {
         Self {
             reach_m: 0.3,
-            neighbours: 3,
+            neighbours: 2,
             overlap_min: 0.05,
+            held_min_m: 25.0,
             jump_share: 0.25,
             jump_m: 0.1,
-            wall_tolerance_m: 0.1,
         }
     }
 }
@@ -82,8 +85,9 @@ pub(super) fn look(maps: &Maps<'_>) -> Result<KnownPoses, WeldError> {
     let jumps: Vec<Option<FrameJump>> = maps
         .inputs
         .par_iter()
-        .map(|input| match &input.prior {
-            Some(Prior::Earlier(earlier)) => frame_jump(maps, earlier.previous.as_deref()?, &input.grid),
+        .enumerate()
+        .map(|(map, input)| match &input.prior {
+            Some(Prior::Earlier(earlier)) => frame_jump(maps, earlier.previous.as_deref()?, map),
             _ => None,
         })
         .collect();
@@ -135,9 +139,13 @@ fn look_at(maps: &Maps<'_>, poses: &[Option<(Pose2, f64)>], a: usize, b: usize) 
             maps.method().verify_at(fixed, moving, pose, maps.control)
         }
     };
+    let rules = &maps.options.known_poses;
     let holds = answer.accepted().is_some_and(|accepted| {
         let found = accepted.pose_fixed_moving;
+        let fit = Fit::of(&accepted.evidence);
         maps.moments[moving].distance(found, pose) <= reach
+            && fit.held_m() >= rules.held_min_m
+            && fit.share() <= maps.options.contradiction.share_max
     });
     Look {
         fixed,
@@ -155,21 +163,15 @@ pub(super) fn relative(poses: &[Option<(Pose2, f64)>], a: usize, b: usize) -> (P
 }
 
 /// Step 1, for one map.
-fn frame_jump(maps: &Maps<'_>, previous: &OccupancyGrid, current: &OccupancyGrid) -> Option<FrameJump> {
+fn frame_jump(maps: &Maps<'_>, previous: &OccupancyGrid, map: usize) -> Option<FrameJump> {
     let rules = &maps.options.known_poses;
-    let [one, other] = [previous, current].map(Sketch::of);
-    let unmoved = agreement(
-        (previous, &one),
-        (current, &other),
-        Pose2::IDENTITY,
-        rules.wall_tolerance_m,
-    );
+    let earlier = Sketch::points(previous);
+    let unmoved = look_up(&earlier, maps.sketched(map), Pose2::IDENTITY);
     if unmoved.violated_share() <= rules.jump_share {
         return None;
     }
     let method = maps.method();
-    let [previous_features, current_features] = [previous, current].map(|grid| method.features(grid));
-    let answer = method.register(&previous_features, &current_features, maps.control);
+    let answer = method.register(&method.features(previous), &maps.features[map], maps.control);
     let Some(accepted) = answer.accepted() else {
         return Some(FrameJump {
             pose_previous_current: None,
@@ -177,7 +179,7 @@ fn frame_jump(maps: &Maps<'_>, previous: &OccupancyGrid, current: &OccupancyGrid
         });
     };
     let found = accepted.pose_fixed_moving;
-    let distance = other.moments.distance(found, Pose2::IDENTITY);
+    let distance = maps.moments[map].distance(found, Pose2::IDENTITY);
     (distance > rules.jump_m).then_some(FrameJump {
         pose_previous_current: Some(found),
         distance_m: Some(distance),
@@ -220,13 +222,13 @@ fn neighbours(maps: &Maps<'_>, poses: &[Option<(Pose2, f64)>]) -> Vec<(usize, us
         })
         .collect();
     overlaps.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    // each map's best few, and whatever else keeps the known maps in one piece
+    // whatever keeps the known maps in one piece, and each map's best few
     let mut taken = vec![0_usize; maps.len()];
     let mut joined = UnionFind::new(maps.len());
     let mut chosen = Vec::new();
     for (_, a, b) in overlaps {
         let bridges = joined.join(a, b);
-        if bridges || taken[a] < rules.neighbours || taken[b] < rules.neighbours {
+        if bridges || taken[a].max(taken[b]) < rules.neighbours {
             taken[a] += 1;
             taken[b] += 1;
             chosen.push((a, b));

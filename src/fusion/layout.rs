@@ -30,6 +30,11 @@ impl Layout {
         firsts.map(|first| members(first).collect()).collect()
     }
 
+    /// The maps of the group that is named by its first map.
+    pub(super) fn members(&self, first: usize) -> impl Iterator<Item = usize> {
+        (0..self.first.len()).filter(move |&map| self.first[map] == first)
+    }
+
     /// Pose of map b's frame in map a's; both are of one group.
     pub(super) fn relative(&self, a: usize, b: usize) -> Pose2 {
         self.places[a].pose.inverse() * self.places[b].pose

@@ -39,7 +39,7 @@ impl<'a> Maps<'a> {
             .map(|input| {
                 let features = input.features.clone();
                 let features = features.unwrap_or_else(|| options.method.features(&input.grid));
-                (features, Sketch::of(&input.grid))
+                (features, Sketch::of(&input.grid, options.contradiction.tolerance_m))
             })
             .unzip();
         Ok(Self {

@@ -7,14 +7,15 @@
 //! anchor's frame. Below it: [`register_set`] places maps, [`fuse()`] adds them up, [`verdicts`] and [`optimise`] work on
 //! bare graphs.
 
+mod body;
 mod bridges;
 mod conflicts;
 mod consistency;
 mod contradiction;
 mod fuse;
 mod group;
+mod hypotheses;
 mod input;
-mod joint;
 mod known_poses;
 mod layout;
 mod maps;
@@ -26,6 +27,7 @@ mod report;
 #[cfg(test)]
 mod scripted;
 mod sketch;
+mod standards;
 #[cfg(test)]
 mod threshold_tests;
 mod union_find;
@@ -37,7 +39,6 @@ pub use contradiction::ContradictionRules;
 pub use fuse::{FuseError, FuseOptions, Fused, PlacedMap, fuse};
 pub use group::register_set;
 pub use input::{Earlier, FixedPair, KnownPair, Prior, WeldInput, WeldOptions};
-pub use joint::JointRules;
 pub use known_poses::KnownPoseRules;
 pub use moments::Moments;
 pub use names::distinct_names;
@@ -46,4 +47,5 @@ pub use outcome::{
     Placement, RegisteredSet, Weld, WeldError,
 };
 pub use pose_graph::{Edge, Estimate, optimise, spanning_poses};
+pub use standards::StandardRules;
 pub use weld::weld;

@@ -133,9 +133,9 @@ pub(super) fn evidence(score: f64) -> Evidence {
         score,
         verification_index: Some(0.97),
         overlap: score / 200.0,
-        matched_wall_m: score / 10.0,
+        matched_wall_m: score / 2.0,
         violated_wall_m: 0.1,
-        weaker_direction_m: score / 30.0,
+        weaker_direction_m: score / 5.0,
         runner_up: None,
     }
 }

@@ -2,12 +2,14 @@
 //! each other under a pose, and whether their walls agree there.
 //!
 //! **Method.** Of the occupied cells and of the known cells at most [`POINTS_MAX`] each are taken, evenly in row-major
-//! order; each stands for all that were left out with it. A wall point is looked up in the other map with the cells
-//! around it within the tolerance: matched when one of them is occupied, violated when all of them are free.
+//! order; each stands for all that were left out with it. What is around each cell within the tolerance is told once: a
+//! wall point of another map is matched when one of the cells around is occupied, and violated when all of them are free.
+//! Of the matched walls' normals n the smaller eigenvalue of the sum of n n^T is the wall that holds the weaker direction.
 //!
-//! **Cost.** One pass over the map; a look at a pose costs some ten thousand cells.
+//! **Cost.** Some passes over the map, and a byte for each of its cells; a look at a pose costs some ten thousand cells.
 
 use super::Moments;
+use super::conflicts::near;
 use crate::geometry::{Point, Pose2};
 use crate::grid::{CellState, OccupancyGrid};
 
@@ -18,12 +20,45 @@ const POINTS_MAX: usize = 4000;
 #[derive(Debug, Clone)]
 pub(super) struct Sketch {
     pub(super) moments: Moments,
-    walls: Vec<Point>,
-    /// Metres of wall that each wall point stands for.
-    wall_m: f64,
+    walls: Vec<Wall>,
     known: Vec<Point>,
     /// Radius of a circle around the middle of the lattice that holds all points.
     circle: (Point, f64),
+    /// What is around each cell.
+    around: Vec<Around>,
+}
+
+/// A point of a wall.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Wall {
+    pub(super) point: Point,
+    /// Across the wall, where it is straight.
+    normal: Option<Point>,
+    /// Metres of wall that it stands for.
+    metres: f64,
+}
+
+impl Wall {
+    /// The same wall told in another frame, in which its own lies at `pose`.
+    pub(super) fn moved(&self, pose: Pose2) -> Self {
+        let motion = pose.motion();
+        Self {
+            point: motion.apply(self.point),
+            normal: self.normal.map(|normal| motion.rotate(normal)),
+            metres: self.metres,
+        }
+    }
+}
+
+/// What is within the tolerance of a cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Around {
+    /// No wall, but something that is not known.
+    Doubt,
+    /// Nothing but free space.
+    Free,
+    /// A wall.
+    Wall,
 }
 
 /// Metres of wall (occupied cells times their size), the mean of both directions of looking up.
@@ -33,6 +68,8 @@ pub(super) struct WallAgreement {
     pub(super) matched_m: f64,
     /// Wall of one map in free space of the other, with no wall of that one within the tolerance.
     pub(super) violated_m: f64,
+    /// Matched wall that holds the weaker direction.
+    pub(super) weaker_m: f64,
 }
 
 impl WallAgreement {
@@ -50,12 +87,31 @@ impl WallAgreement {
         Self {
             matched_m: self.matched_m + other.matched_m,
             violated_m: self.violated_m + other.violated_m,
+            weaker_m: self.weaker_m + other.weaker_m,
+        }
+    }
+
+    /// The mean of both directions of looking up.
+    pub(super) fn mean(self, other: Self) -> Self {
+        Self {
+            matched_m: f64::midpoint(self.matched_m, other.matched_m),
+            violated_m: f64::midpoint(self.violated_m, other.violated_m),
+            weaker_m: f64::midpoint(self.weaker_m, other.weaker_m),
         }
     }
 }
 
 impl Sketch {
-    pub(super) fn of(grid: &OccupancyGrid) -> Self {
+    /// Walls within the tolerance (metres) of each other are the same one.
+    pub(super) fn of(grid: &OccupancyGrid, tolerance_m: f64) -> Self {
+        Self {
+            around: around(grid, tolerance_m),
+            ..Self::points(grid)
+        }
+    }
+
+    /// The points alone: of a map that is looked up in others, but in which nothing is.
+    pub(super) fn points(grid: &OccupancyGrid) -> Self {
         let lattice = grid.lattice();
         let (mut occupied, mut known) = (0_usize, 0_usize);
         for cell in grid.cells() {
@@ -69,6 +125,8 @@ impl Sketch {
             }
         }
         let (wall_step, known_step) = (occupied.div_ceil(POINTS_MAX).max(1), known.div_ceil(POINTS_MAX).max(1));
+        #[expect(clippy::cast_precision_loss, reason = "steps are below 2^31")]
+        let wall_m = lattice.resolution() * wall_step as f64;
         let (mut walls, mut all) = (Vec::new(), Vec::new());
         let (mut next_wall, mut next_known) = (wall_step / 2, known_step / 2);
         for row in 0..lattice.height() {
@@ -84,7 +142,11 @@ impl Sketch {
                 next_known -= 1;
                 if state == CellState::Occupied {
                     if next_wall == 0 {
-                        walls.push(lattice.cell_center(column, row));
+                        walls.push(Wall {
+                            point: lattice.cell_center(column, row),
+                            normal: normal(grid, column, row),
+                            metres: wall_m,
+                        });
                         next_wall = wall_step;
                     }
                     next_wall -= 1;
@@ -93,15 +155,25 @@ impl Sketch {
         }
         let [low, _, high, _] = lattice.corners();
         let middle = [f64::midpoint(low[0], high[0]), f64::midpoint(low[1], high[1])];
-        #[expect(clippy::cast_precision_loss, reason = "steps are below 2^31")]
-        let wall_m = lattice.resolution() * wall_step as f64;
         Self {
             moments: Moments::of(grid),
             walls,
-            wall_m,
             known: all,
             circle: (middle, (high[0] - low[0]).hypot(high[1] - low[1]) / 2.0),
+            around: Vec::new(),
         }
+    }
+
+    pub(super) fn walls(&self) -> &[Wall] {
+        &self.walls
+    }
+
+    /// What is around a point of the map's frame.
+    pub(super) fn around(&self, grid: &OccupancyGrid, point: Point) -> Around {
+        let cell = grid.lattice().cell_at(point);
+        cell.map_or(Around::Doubt, |(column, row)| {
+            self.around[grid.lattice().index(column, row)]
+        })
     }
 }
 
@@ -129,22 +201,14 @@ pub(super) fn overlap(fixed: Sketched<'_>, moving: Sketched<'_>, pose_fixed_movi
     share(moving.1, fixed.0, pose_fixed_moving).max(share(fixed.1, moving.0, pose_fixed_moving.inverse()))
 }
 
-/// How the walls of two maps agree; walls within the tolerance are the same one.
-pub(super) fn agreement(
-    fixed: Sketched<'_>,
-    moving: Sketched<'_>,
-    pose_fixed_moving: Pose2,
-    tolerance_m: f64,
-) -> WallAgreement {
+/// How the walls of two maps agree, by the tolerances that they were sketched with.
+pub(super) fn agreement(fixed: Sketched<'_>, moving: Sketched<'_>, pose_fixed_moving: Pose2) -> WallAgreement {
     if !may_meet(fixed.1, moving.1, pose_fixed_moving) {
         return WallAgreement::default();
     }
-    let one = look_up(moving.1, fixed.0, pose_fixed_moving, tolerance_m);
-    let other = look_up(fixed.1, moving.0, pose_fixed_moving.inverse(), tolerance_m);
-    WallAgreement {
-        matched_m: f64::midpoint(one.matched_m, other.matched_m),
-        violated_m: f64::midpoint(one.violated_m, other.violated_m),
-    }
+    let there = look_up(moving.1, fixed, pose_fixed_moving);
+    let back = look_up(fixed.1, moving, pose_fixed_moving.inverse());
+    there.mean(back)
 }
 
 /// Whether the circles around two maps meet.
@@ -156,38 +220,91 @@ fn may_meet(fixed: &Sketch, moving: &Sketch, pose_fixed_moving: Pose2) -> bool {
 }
 
 /// The wall points of `from` in the map `to`.
-fn look_up(from: &Sketch, to: &OccupancyGrid, pose_to_from: Pose2, tolerance_m: f64) -> WallAgreement {
+pub(super) fn look_up(from: &Sketch, (to, sketch): Sketched<'_>, pose_to_from: Pose2) -> WallAgreement {
     let lattice = to.lattice();
     let to_cells = (lattice.origin().inverse() * pose_to_from).motion();
     let per_metre = 1.0 / lattice.resolution();
-    let reach = (tolerance_m * per_metre).round().max(0.0);
-    let (mut matched, mut violated) = (0_u32, 0_u32);
-    for &point in &from.walls {
-        let [x, y] = to_cells.apply(point);
-        let (u, v) = (x * per_metre, y * per_metre);
-        let corners = (
-            lattice.cell_of([u - reach, v - reach]),
-            lattice.cell_of([u + reach, v + reach]),
-        );
-        // at the very border of a map nothing is known of what is around
-        let (Some((left, low)), Some((right, high))) = corners else {
-            continue;
-        };
-        let (mut occupied, mut free) = (false, true);
-        for row in low..=high {
-            for cell in &to.row(row)[left as usize..=right as usize] {
-                let state = cell.state();
-                occupied |= state == CellState::Occupied;
-                free &= state == CellState::Free;
+    tally(from.walls.iter().map(|wall| {
+        let [x, y] = to_cells.apply(wall.point);
+        let cell = lattice.cell_of([x * per_metre, y * per_metre]);
+        let around = cell.map_or(Around::Doubt, |(column, row)| sketch.around[lattice.index(column, row)]);
+        (*wall, around)
+    }))
+}
+
+/// Adds up walls by what is around each of them.
+pub(super) fn tally(walls: impl Iterator<Item = (Wall, Around)>) -> WallAgreement {
+    let mut sums = WallAgreement::default();
+    let [mut xx, mut xy, mut yy] = [0.0; 3];
+    for (wall, around) in walls {
+        match around {
+            Around::Doubt => {}
+            Around::Free => sums.violated_m += wall.metres,
+            Around::Wall => {
+                sums.matched_m += wall.metres;
+                let [x2, y2] = match wall.normal {
+                    Some([x, y]) => {
+                        xy += x * y * wall.metres;
+                        [x * x, y * y]
+                    }
+                    None => [CLUTTER; 2],
+                };
+                xx += x2 * wall.metres;
+                yy += y2 * wall.metres;
             }
         }
-        matched += u32::from(occupied);
-        violated += u32::from(free);
     }
-    WallAgreement {
-        matched_m: f64::from(matched) * from.wall_m,
-        violated_m: f64::from(violated) * from.wall_m,
+    let (mean, spread) = (f64::midpoint(xx, yy), ((xx - yy) / 2.0).hypot(xy));
+    sums.weaker_m = (mean - spread).max(0.0);
+    sums
+}
+
+/// How much a piece of clutter holds each direction, as a share of its length.
+const CLUTTER: f64 = 0.3;
+
+/// What is around each cell.
+fn around(grid: &OccupancyGrid, tolerance_m: f64) -> Vec<Around> {
+    let wall = near(grid, tolerance_m, |state| state == CellState::Occupied);
+    let doubt = near(grid, tolerance_m, |state| state == CellState::Unknown);
+    let told = wall.into_iter().zip(doubt).map(|(wall, doubt)| match (wall, doubt) {
+        (true, _) => Around::Wall,
+        (false, true) => Around::Doubt,
+        (false, false) => Around::Free,
+    });
+    told.collect()
+}
+
+/// The normal of a wall at one of its cells, in the map's frame: across the occupied cells within three cells of it,
+/// where they lie in a line.
+fn normal(grid: &OccupancyGrid, column: u32, row: u32) -> Option<Point> {
+    const REACH: u32 = 3;
+    let lattice = grid.lattice();
+    let [mut n, mut x, mut y, mut xx, mut xy, mut yy] = [0.0; 6];
+    for j in row.saturating_sub(REACH)..=(row + REACH).min(lattice.height() - 1) {
+        for i in column.saturating_sub(REACH)..=(column + REACH).min(lattice.width() - 1) {
+            if grid.at(i, j).state() == CellState::Occupied {
+                let (u, v) = (f64::from(i) - f64::from(column), f64::from(j) - f64::from(row));
+                n += 1.0;
+                x += u;
+                y += v;
+                xx += u * u;
+                xy += u * v;
+                yy += v * v;
+            }
+        }
     }
+    let (xx, xy, yy) = (
+        xx / n - x * x / (n * n),
+        xy / n - x * y / (n * n),
+        yy / n - y * y / (n * n),
+    );
+    let (mean, spread) = (f64::midpoint(xx, yy), ((xx - yy) / 2.0).hypot(xy));
+    let straight = n >= 4.0 && mean + spread >= 1.0 && mean - spread < 0.5 * (mean + spread);
+    straight.then(|| {
+        // the line runs at half of this angle, the normal across it
+        let (sin, cos) = (0.5 * (2.0 * xy).atan2(xx - yy)).sin_cos();
+        lattice.origin().motion().rotate([-sin, cos])
+    })
 }
 
 #[cfg(test)]
@@ -215,12 +332,15 @@ mod tests {
     fn a_map_agrees_with_itself_and_not_with_itself_moved() {
         for (width, height) in [(80, 60), (900, 700)] {
             let grid = hall(width, height);
-            let sketch = Sketch::of(&grid);
-            let look = |pose| agreement((&grid, &sketch), (&grid, &sketch), pose, 0.1);
+            let sketch = Sketch::of(&grid, 0.1);
+            let look = |pose| agreement((&grid, &sketch), (&grid, &sketch), pose);
             let same = look(Pose2::IDENTITY);
             let walls = 0.05 * f64::from(2 * (width + height) - 4);
             assert!((same.matched_m / walls - 1.0).abs() < 0.01, "{same:?} of {walls} m");
             assert!(same.violated_share() < 1e-9);
+            // two walls of the hall hold one direction, two the other
+            let shorter = 0.1 * f64::from(width.min(height));
+            assert!((same.weaker_m / shorter - 1.0).abs() < 0.05, "{same:?} of {shorter} m");
             let turned = look(Pose2::new(0.2 * walls, 0.1, Angle::from_degrees(20.0)));
             assert!(turned.violated_share() > 0.6, "{turned:?}");
             assert_eq!(look(Pose2::new(1e4, 0.0, Angle::ZERO)), WallAgreement::default());
@@ -230,7 +350,7 @@ mod tests {
     #[test]
     fn the_overlap_of_halves_is_a_half() {
         let grid = hall(400, 300);
-        let sketch = Sketch::of(&grid);
+        let sketch = Sketch::of(&grid, 0.1);
         let overlap = |x: f64| overlap((&grid, &sketch), (&grid, &sketch), Pose2::new(x, 0.0, Angle::ZERO));
         assert!((overlap(0.0) - 1.0).abs() < 1e-9);
         assert!((overlap(10.0) - 0.5).abs() < 0.02);

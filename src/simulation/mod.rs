@@ -11,6 +11,7 @@ mod buildings;
 mod compare;
 mod drive;
 mod explore;
+mod fleet;
 mod furniture;
 mod lidar;
 mod mapper;
@@ -28,6 +29,7 @@ pub use crate::random::Random;
 pub use compare::{Comparison, compare};
 pub use drive::DriveLog;
 pub use explore::{Exploration, Robot, Snapshot, demo_building, demo_robots, explore};
+pub use fleet::{Fleet, FleetRequest, FleetRobot, generate_fleet};
 pub use lidar::{Lidar, Observation};
 pub use mapper::{Mapper, MapperParams, draw};
 pub use odometry::Drift;
@@ -43,8 +45,8 @@ pub use world::{World, WorldKind};
 pub enum SimulationError {
     /// No kind of world has this name.
     #[error(
-        "there is no kind of world called {0:?}; there are office, repetitive, hall, angled, clutter, flat, corridors \
-         and blocks"
+        "there is no kind of world called {0:?}; there are office, repetitive, hall, angled, clutter, flat, corridors, \
+         blocks and campus"
     )]
     UnknownKind(String),
     /// A parameter is out of range.
@@ -74,6 +76,16 @@ pub enum SimulationError {
     /// A robot that has not moved or has seen nothing has no map.
     #[error("a drive without any lidar return gives no map")]
     NothingSeen,
+    /// No tour was found that overlaps an earlier one.
+    #[error("world {world} has no room for {robots} robots: after {tours} tours none of many overlaps an earlier one")]
+    NoFleet {
+        /// Where.
+        world: String,
+        /// How many robots were asked for.
+        robots: usize,
+        /// How many tours were found.
+        tours: usize,
+    },
     /// No pair of maps was found that is as asked for.
     #[error("no {relation} pair in world {world} after {tries} tries")]
     NoPair {

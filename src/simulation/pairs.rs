@@ -153,7 +153,7 @@ impl PairMaker {
             let other = if random.chance(0.7) {
                 request.kind
             } else {
-                random.pick(&WorldKind::ALL)
+                random.pick(&WorldKind::BUILDINGS)
             };
             let step = 1 + random.below(40) as u64;
             // of another kind any number will do; of the same kind it must be another one

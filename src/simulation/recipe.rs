@@ -94,6 +94,7 @@ impl Recipe {
         let reach = match kind {
             WorldKind::Flat => [4.0, 11.0],
             WorldKind::Corridors => [8.0, 22.0],
+            WorldKind::Campus => [12.0, 24.0],
             _ => [6.0, 18.0],
         };
         Ok(Self {

@@ -28,11 +28,13 @@ pub enum WorldKind {
     Corridors,
     /// Thirty blocks of many sizes and directions in a walled yard.
     Blocks,
+    /// Copies of one to five storeys turned in every direction, with streets between them.
+    Campus,
 }
 
 impl WorldKind {
-    /// All kinds.
-    pub const ALL: [Self; 8] = [
+    /// The kinds that are one building: what pairs are made of when none is named.
+    pub const BUILDINGS: [Self; 8] = [
         Self::Office,
         Self::Repetitive,
         Self::Hall,
@@ -42,6 +44,11 @@ impl WorldKind {
         Self::Corridors,
         Self::Blocks,
     ];
+    /// All kinds.
+    pub const ALL: [Self; 9] = {
+        let [a, b, c, d, e, f, g, h] = Self::BUILDINGS;
+        [a, b, c, d, e, f, g, h, Self::Campus]
+    };
 
     /// The name by which commands and files call the kind.
     #[must_use]
@@ -55,6 +62,7 @@ impl WorldKind {
             Self::Flat => "flat",
             Self::Corridors => "corridors",
             Self::Blocks => "blocks",
+            Self::Campus => "campus",
         }
     }
 }

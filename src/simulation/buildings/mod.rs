@@ -1,6 +1,7 @@
 //! How buildings are laid out: convex rooms that share walls, doors that make all of them reachable.
 
 mod angled;
+mod campus;
 mod hall;
 mod office;
 mod open;
@@ -25,6 +26,7 @@ pub(super) fn build(kind: WorldKind, random: &mut Random, world: &mut World) {
         WorldKind::Flat => office::flats(random, world),
         WorldKind::Corridors => passages::corridors(random, world),
         WorldKind::Blocks => open::blocks(random, world),
+        WorldKind::Campus => campus::campus(random, world),
     }
 }
 
