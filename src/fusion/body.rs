@@ -23,7 +23,7 @@ impl Body {
         for (count, &(map, pose)) in members.iter().enumerate() {
             let earlier = &members[..count];
             let new = maps.sketched(map).1.walls().iter().map(|wall| wall.moved(pose));
-            walls.extend(new.filter(|wall| votes(maps, earlier, Pose2::IDENTITY, wall)[1] == 0));
+            walls.extend(new.filter(|wall| votes(maps, earlier, wall)[1] == 0));
         }
         Self { members, walls }
     }
@@ -39,7 +39,7 @@ impl Body {
     fn look(&self, maps: &Maps<'_>, other: &Self, pose_self_other: Pose2) -> WallAgreement {
         tally(other.walls.iter().map(|wall| {
             let wall = wall.moved(pose_self_other);
-            let [free, occupied] = votes(maps, &self.members, Pose2::IDENTITY, &wall);
+            let [free, occupied] = votes(maps, &self.members, &wall);
             let around = match (free, occupied) {
                 (0, 0) => Around::Doubt,
                 (free, occupied) if occupied >= free => Around::Wall,
@@ -51,10 +51,10 @@ impl Body {
 }
 
 /// How many maps see nothing but free space around a wall point of the group's frame, and how many a wall.
-fn votes(maps: &Maps<'_>, members: &[(usize, Pose2)], pose: Pose2, wall: &Wall) -> [u32; 2] {
+fn votes(maps: &Maps<'_>, members: &[(usize, Pose2)], wall: &Wall) -> [u32; 2] {
     let mut votes = [0; 2];
     for &(map, place) in members {
-        let point = (pose * place).inverse().apply(wall.point);
+        let point = place.inverse().apply(wall.point);
         match maps.sketched(map).1.around(maps.sketched(map).0, point) {
             Around::Doubt => {}
             Around::Free => votes[0] += 1,

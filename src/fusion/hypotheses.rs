@@ -84,9 +84,12 @@ pub(super) fn bridge(
     let near = |place: &Hint, hint: &Hint| apart(hint.pose_a_b, place.pose_a_b) <= apart_m;
     let seen: Vec<Fit> = places
         .par_iter()
-        .map(|place| match between.alone {
-            true => Fit::default(),
-            false => Fit::seen(between.bodies.0.agreement(maps, between.bodies.1, place.pose_a_b)),
+        .map(|place| {
+            if between.alone {
+                Fit::default()
+            } else {
+                Fit::seen(between.bodies.0.agreement(maps, between.bodies.1, place.pose_a_b))
+            }
         })
         .collect();
     // each pair that says so has looked for itself

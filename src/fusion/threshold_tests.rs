@@ -28,8 +28,8 @@ fn hypotheses_below_the_threshold_are_no_joint_evidence() {
         let mut script = Scripted::requiring(required);
         script.accept(&truth, 0, 1, 100.0);
         script.accept(&truth, 2, 3, 100.0);
-        script.ambiguous(&truth, 0, 2, &[(60.0, off(9.0)), (58.0, Pose2::IDENTITY)]);
-        script.ambiguous(&truth, 1, 3, &[(70.0, Pose2::IDENTITY), (60.0, off(-7.0))]);
+        script.ambiguous(&truth, 0, 2, &[(20.0, off(9.0)), (90.0, Pose2::IDENTITY)]);
+        script.ambiguous(&truth, 1, 3, &[(95.0, Pose2::IDENTITY), (20.0, off(-7.0))]);
         assert_eq!(placed(&inputs, &script.options().1), expected, "required: {required:?}");
     }
 }

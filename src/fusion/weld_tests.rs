@@ -154,13 +154,13 @@ fn an_anchor_that_nobody_joins_is_alone_and_the_others_are_not_placed() {
 }
 
 #[test]
-fn ambiguous_pairs_that_agree_bridge_two_groups() {
+fn undecided_pairs_whose_place_stands_out_bridge_two_groups() {
     let (truth, inputs) = world(4);
     let mut script = Scripted::default();
     script.accept(&truth, 0, 1, 100.0);
     script.accept(&truth, 2, 3, 100.0);
-    script.ambiguous(&truth, 0, 2, &[(60.0, off(9.0)), (58.0, Pose2::IDENTITY)]);
-    script.ambiguous(&truth, 1, 3, &[(70.0, Pose2::IDENTITY), (60.0, off(-7.0))]);
+    script.ambiguous(&truth, 0, 2, &[(20.0, off(9.0)), (90.0, Pose2::IDENTITY)]);
+    script.ambiguous(&truth, 1, 3, &[(95.0, Pose2::IDENTITY), (20.0, off(-7.0))]);
     let set = register_set(&inputs, &script.options().1, &Unhurried).expect("it registers");
     assert!((0..4).all(|map| is_placed_right(&set, &truth, &inputs, map)));
     let role = |a: usize, b: usize| {

@@ -3,7 +3,7 @@
 use super::{Room, office};
 use crate::geometry::{Angle, Point, Pose2};
 use crate::simulation::furniture::Furniture;
-use crate::simulation::numbers::real;
+use crate::simulation::numbers::{count, real};
 use crate::simulation::{Random, World, WorldKind};
 
 /// Six to twelve copies of one to five office storeys, each turned by quarters at random. Inside of a copy nothing tells
@@ -53,7 +53,7 @@ fn things_in_the_streets([columns, rows]: [usize; 2], pitch: f64, street: f64, r
     for (lines, across, axis) in [(columns, rows, 0), (rows, columns, 1)] {
         for line in 0..=lines {
             let length = real(across) * pitch;
-            for _ in 0..super::super::numbers::count(length * density) {
+            for _ in 0..count(length * density) {
                 let along = random.uniform(0.0, length);
                 let beside = random.pick(&[-1.0, 1.0]) * (street / 2.0 - 0.4);
                 let at = real(line) * pitch + beside;
