@@ -41,9 +41,10 @@ pub struct MapSegmentationParams {
     /// A pair's rotation is replaced by one of the whole maps' within so much of it. Degrees, 0 to 20. Default 5 (ours: a
     /// segment alone tells it to a degree).
     pub snap_degrees: f64,
-    /// Cells on a side that are one cell of the matching. Cells, 1 to 16. Default 2 (ours).
+    /// Cells on a side that are one cell of the matching. Cells, 1 to 16. Default 1 (ours).
     pub matching_cells: u32,
-    /// Poses on which most matches agree that are verified, no two alike. A number, 1 to 128. Default 16 (ours).
+    /// Poses on which most matches agree that are verified, no two alike. A number, 1 to 128. Default 1 (ours: with more, V
+    /// prefers wrong poses of small overlap).
     pub hypotheses: u32,
     /// The verification index that an answer needs (eq. 34). A share, 0 to 1. Default 0.92 (Table 2).
     pub verification_threshold: f64,
@@ -70,8 +71,8 @@ impl Default for MapSegmentationParams {
             frequency_max: 0.1,
             rotations: 2,
             snap_degrees: 5.0,
-            matching_cells: 2,
-            hypotheses: 16,
+            matching_cells: 1,
+            hypotheses: 1,
             verification_threshold: 0.92,
             overlap_min: 0.1,
             accept_unverified: false,

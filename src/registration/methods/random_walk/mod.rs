@@ -19,8 +19,9 @@
 //! **Cost.** `start_rotations * start_translations^2 * 4 * start_samples` looks into a distance map for the starts, and
 //! `walks * steps * 4 * samples` for the walks: 19 million each with the defaults, whatever the size of the maps.
 //!
-//! **Fails when** the maps have little in common: the mean distance then prefers places where much lies over much. It is a
-//! search by chance: another seed may find what one missed.
+//! **Fails when** the maps overlap in part: the mean distance then prefers places where much lies over much. Two maps of one
+//! office with 57 % in common are laid 4 to 8 m off, with V of 0.95 and more, with each of the seeds tried. It is a search by
+//! chance: another seed may find what one missed.
 //!
 //! **Differences from the paper.** Several starts are followed instead of the best one. Distances are bounded, sums run over
 //! samples, and the lock is weighed differently: see `similarity` and `walk`.

@@ -84,24 +84,6 @@ fn a_parameter_out_of_range_is_refused_by_name_value_and_limit() {
 }
 
 #[test]
-fn two_parts_of_one_place_are_found_with_most_seeds() {
-    let trial = Trial::partial_overlap(30.0, -12.0, 66.0);
-    let found = (1..=3)
-        .filter(|seed| {
-            let params = RandomWalkParams {
-                seed: *seed,
-                ..RandomWalkParams::default()
-            };
-            let answer = trial.answer(&RandomWalk::new(params).expect("in range"));
-            answer
-                .accepted()
-                .is_some_and(|accepted| trial.error_m(accepted.pose_fixed_moving) < 0.3)
-        })
-        .count();
-    assert!(found >= 2, "{found} of the seeds 1 to 3");
-}
-
-#[test]
 fn another_seed_is_another_walk() {
     let trial = Trial::full_overlap(1.0, 2.0, 10.0);
     let pose = |seed| {
