@@ -4,6 +4,7 @@
 //! mapweld finds the rigid transforms between the maps in Hough space (after Saeedi, Paull, Trentini, Seto and Li, "Map
 //! merging for multiple robots using Hough peak matching"), says which maps it could place and which not, and why, and
 //! adds up the placed ones by their log odds. A wrong merge is far worse than no merge.
+//! `docs/paper.md` tells where that paper's text is ambiguous or wrong, and what stands here instead.
 //!
 //! It is a library, a command (`mapweld merge a.yaml b.yaml -o out`) and a networked service (`mapweld serve`) that keeps
 //! every fused version with its evidence. What it does not do: SLAM, localisation, three dimensions, scale.
@@ -55,6 +56,7 @@
 //!             grid <- codec                         pure: bytes <-> grid, pictures
 //!             grid <- simulation                    pure: seeded worlds, lidar, mapping
 //! geometry, grid, registration <- model             the service's records
+//! simulation, fusion <- experiments                 the paper's experiments: values, pictures and a page as bytes
 //! model, fusion, codec <- api <- client             wire types; the robot's side
 //! model <- store                                    their persistence, and the queue
 //! store, codec, fusion, api <- worker               merge jobs
@@ -69,7 +71,8 @@
 //! The service has two homes behind one door, [`store::Store`] with [`store::Blobs`], chosen at run time: SQLite and a
 //! folder, for one process; PostgreSQL and a place that all see, for any number of equal replicas.
 //!
-//! The pure core is always there; feature `server` adds store, worker, http and web, feature `client` adds the client.
+//! The pure core is always there; feature `server` adds store, worker, http and web, feature `client` adds the client,
+//! feature `experiments` adds the experiments with their plotting.
 //!
 //! # The life of a map
 //!
@@ -99,6 +102,8 @@ pub mod codec;
 pub mod compute;
 #[cfg(feature = "server")]
 pub mod config;
+#[cfg(feature = "experiments")]
+pub mod experiments;
 #[cfg(feature = "server")]
 pub mod failpoint;
 pub mod fusion;

@@ -17,15 +17,16 @@ absent() { # absent FLAGS NAME... : none of the crates NAME is a normal dependen
   done
 }
 
-absent "--no-default-features" tokio axum sqlx
-absent "--no-default-features --features client" axum sqlx
+absent "--no-default-features" tokio axum sqlx plotters
+absent "--no-default-features --features client" axum sqlx plotters
 # The check itself must be able to fail: the default features do name all three.
 if absent "--all-features" axum >/dev/null 2>&1; then
   echo "the feature check sees no axum in the default features: it is broken" >&2
   exit 1
 fi
 
-for flags in "--no-default-features" "--no-default-features --features client" "--no-default-features --features server"; do
+for flags in "--no-default-features" "--no-default-features --features client" "--no-default-features --features server" \
+  "--no-default-features --features experiments"; do
   echo "cargo check $flags"
   # shellcheck disable=SC2086
   cargo check --locked --quiet $flags

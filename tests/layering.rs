@@ -13,6 +13,10 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("fusion", &["geometry", "grid", "registration"]),
     ("codec", &["geometry", "grid"]),
     ("simulation", &["geometry", "grid", "random"]),
+    (
+        "experiments",
+        &["geometry", "grid", "registration", "fusion", "simulation"],
+    ),
     ("model", &["geometry", "grid", "registration"]),
     ("api", &["geometry", "grid", "registration", "fusion", "codec", "model"]),
     ("client", &["geometry", "grid", "codec", "model", "api"]),
@@ -74,6 +78,7 @@ const PURE: &[&str] = &[
     "fusion",
     "codec",
     "simulation",
+    "experiments",
     "model",
     "api",
 ];

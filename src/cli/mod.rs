@@ -11,6 +11,8 @@ mod backup;
 mod demo;
 mod evaluate;
 mod evaluate_sets;
+#[cfg(feature = "experiments")]
+mod experiments;
 mod failure;
 pub mod files;
 #[cfg(feature = "server")]
@@ -61,6 +63,8 @@ enum Command {
     #[cfg(feature = "client")]
     Push(push::Push),
     Evaluate(evaluate::Evaluate),
+    #[cfg(feature = "experiments")]
+    Experiments(experiments::Experiments),
     Simulate(simulate::Simulate),
     #[cfg(feature = "server")]
     Serve(serve::Serve),
@@ -126,6 +130,8 @@ impl Command {
             #[cfg(feature = "client")]
             Self::Push(push) => push.run(),
             Self::Evaluate(evaluate) => evaluate.run(),
+            #[cfg(feature = "experiments")]
+            Self::Experiments(experiments) => experiments.run(),
             Self::Simulate(simulate) => simulate.run(),
             #[cfg(feature = "server")]
             Self::Serve(serve) => serve.run(),

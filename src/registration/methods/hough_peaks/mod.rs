@@ -29,7 +29,8 @@
 //! `hough` has none of these limits.
 //!
 //! **Differences from the paper**, each told in its stage; the printed reading is kept selectable, and
-//! [`HoughPeaksParams::literal`] selects all of them:
+//! [`HoughPeaksParams::literal`] selects all of them. Their effects are measured by `mapweld experiments readings` and told in
+//! `docs/paper.md`:
 //!
 //! * psi-hat is a circular mean, not a mean of tangents (l. 11);
 //! * all candidate rotations and their half turns are followed up, and the verification chooses (l. 15, eq. 26);
@@ -46,12 +47,14 @@ mod psi_hat;
 mod rotation_tuning;
 mod search;
 mod spectrum;
+mod trace;
 mod translation;
 mod translation_tuning;
 
 pub use params::{
     Disagreement, HoughPeaksParams, Pairing, PsiHat, RotationChoice, RotationTuning, Spectrum, TranslationTuning,
 };
+pub use trace::{HoughView, Objective, PeakView, RotationTrace, SpectrumTrace, TranslationTrace};
 
 use crate::grid::OccupancyGrid;
 use crate::registration::methods::shared::map::{Map, Prepared};

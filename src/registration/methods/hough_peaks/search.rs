@@ -78,13 +78,13 @@ fn tuned(
 }
 
 /// A rotation with what the matched peaks say of the translation.
-struct Hypothesis {
+pub(super) struct Hypothesis {
     rotation: Angle,
-    fit: Fit,
+    pub(super) fit: Fit,
 }
 
 /// Stage 3: the peaks of the fixed map matched with those of the rotated moving map (Algorithm 2, lines 1 to 11).
-fn matched(
+pub(super) fn matched(
     candidate: &RotationCandidate,
     fixed: &Features,
     moving: &Features,

@@ -66,6 +66,11 @@ impl WallPoints {
         } else {
             [f64::midpoint(low[0], high[0]), f64::midpoint(low[1], high[1])]
         };
+        Self::about(points, center, 0.0)
+    }
+
+    /// `points` in cells in the map's frame, about a given centre; none lies farther from it than `radius` cells.
+    pub(crate) fn about(points: &[Point], center: Point, radius: f64) -> Self {
         #[expect(
             clippy::cast_possible_truncation,
             reason = "to f32: within a map's diagonal that keeps 1/100 of a cell"
@@ -74,11 +79,11 @@ impl WallPoints {
             .iter()
             .map(|[x, y]| [(x - center[0]) as f32, (y - center[1]) as f32])
             .collect();
-        let radius = local.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f32::max);
+        let farthest = local.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f32::max);
         Self {
             center,
             local,
-            radius: f64::from(radius),
+            radius: radius.max(f64::from(farthest)),
         }
     }
 

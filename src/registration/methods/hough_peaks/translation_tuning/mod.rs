@@ -27,6 +27,7 @@
 use rayon::prelude::*;
 
 use super::params::{Disagreement, HoughPeaksParams, TranslationTuning};
+use super::trace::Objective;
 use crate::geometry::{Angle, Pose2};
 use crate::grid::{CellState, StateCounts};
 use crate::registration::methods::shared::hough_image::to_f64;
@@ -59,6 +60,32 @@ pub(super) fn tuned_translation(fixed: &StateMap, moving: &StateMap, pose: Pose2
         Some((_, shift)) => shift.applied(pose, fixed),
         None => pose,
     }
+}
+
+/// The objectives of every shift around `pose`, for people to look at; the search itself needs one of them only.
+pub(super) fn surface(fixed: &StateMap, moving: &StateMap, pose: Pose2, params: &HoughPeaksParams) -> Vec<Objective> {
+    let Some(window) = Window::of_known(fixed) else {
+        return Vec::new();
+    };
+    let with = |disagreement, overlap_min| HoughPeaksParams {
+        disagreement,
+        overlap_min,
+        translation_tuning: TranslationTuning::Entropy, // its totals serve all objectives
+        ..params.clone()
+    };
+    let in_both = with(Disagreement::KnownInBoth, params.overlap_min);
+    let in_one = with(Disagreement::KnownInOne, 0.0);
+    let reach = [params.delta_x as usize, params.delta_y as usize];
+    let totals = Totals::new(fixed, moving, pose, reach, &in_both);
+    tallies(fixed, moving, pose, &window, reach)
+        .into_iter()
+        .map(|(shift, tally)| Objective {
+            shift: [shift.x, shift.y],
+            entropy: totals.entropy(&tally),
+            verification_index: totals.verification_index(&tally, &in_both),
+            verification_index_over_union: totals.verification_index(&tally, &in_one),
+        })
+        .collect()
 }
 
 /// A shift in cells of the fixed map's lattice.

@@ -1,0 +1,64 @@
+//! What both sweeps share: one cut of the cluttered world, registered by several methods, each judged by the whole world.
+
+use super::answer::{Answer, answer};
+use super::frames::redrawn;
+use super::worlds::similarity;
+use crate::geometry::{Angle, Pose2};
+use crate::grid::OccupancyGrid;
+use crate::registration::methods::HoughPeaksParams;
+use crate::registration::methods::hough_peaks::HoughPeaks;
+use crate::registration::{Control, Method, MethodName, MethodSpec};
+use crate::simulation::Random;
+use std::sync::Arc;
+
+/// The methods of the sweeps by what they are called in figures.
+pub(super) fn contestants() -> Vec<(&'static str, Arc<dyn Method>)> {
+    let literal = HoughPeaks::new(HoughPeaksParams::literal()).expect("invariant: the printed values are in range");
+    vec![
+        ("hough-peaks", MethodSpec::default_of(MethodName::HoughPeaks).build()),
+        ("hough-peaks, as printed", Arc::new(literal)),
+        ("hough (default)", MethodSpec::default_of(MethodName::Hough).build()),
+    ]
+}
+
+/// Two maps of one world, the second in a frame turned anyhow and moved by at most 20 cells.
+pub(super) struct Cut {
+    pub(super) fixed: OccupancyGrid,
+    pub(super) moving: OccupancyGrid,
+    pub(super) truth: Pose2,
+}
+
+impl Cut {
+    /// The second part is drawn anew on cells along its frame.
+    pub(super) fn new([fixed, moving]: [OccupancyGrid; 2], random: &mut Random) -> Self {
+        let truth = Pose2::new(
+            random.uniform(-1.0, 1.0),
+            random.uniform(-1.0, 1.0),
+            Angle::from_radians(random.uniform(-std::f64::consts::PI, std::f64::consts::PI)),
+        );
+        Self {
+            moving: redrawn(&moving, truth.inverse()),
+            fixed,
+            truth,
+        }
+    }
+
+    /// Registers the two and compares the merged map with the whole world (in the fixed map's frame). The best pose counts
+    /// also where the method itself would refuse to merge, as the paper's method always has an answer; without any pose
+    /// the fixed map stands alone.
+    pub(super) fn judged(&self, method: &dyn Method, world: &OccupancyGrid, control: &dyn Control) -> Judged {
+        let answer = answer(method, &self.fixed, &self.moving, Some(self.truth), control);
+        let mut maps = vec![(&self.fixed, Pose2::IDENTITY)];
+        maps.extend(answer.pose.map(|pose| (&self.moving, pose)));
+        Judged {
+            similarity: similarity(world, &maps),
+            answer,
+        }
+    }
+}
+
+/// An answer, and how similar the merged map is to the world.
+pub(super) struct Judged {
+    pub(super) similarity: f64,
+    pub(super) answer: Answer,
+}
