@@ -26,7 +26,7 @@ impl From<crate::client::ClientError> for Failure {
     fn from(error: crate::client::ClientError) -> Self {
         use crate::client::ClientError;
         let callers = match &error {
-            ClientError::BadServer { .. } | ClientError::BadKey => true,
+            ClientError::BadServer { .. } | ClientError::BadKey | ClientError::BadAuthority => true,
             ClientError::Refused { problem, .. } => problem.status < 500 && !error.is_transient(),
             _ => false,
         };

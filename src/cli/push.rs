@@ -11,7 +11,7 @@ use super::files::{MapFiles, file_name};
 use super::runtime::{block_on, interrupted, warnings_to_stderr};
 use super::terminal::{say, tell};
 use super::watch::{Look, Watch};
-use super::{Done, Failure, placements};
+use super::{BadInput, Done, Failure, placements};
 use crate::api;
 use crate::client::{Backoff, Client, ClientError, FilePart, Patience, Recipient, Spool, Upload};
 use crate::codec::Limits;
@@ -31,6 +31,9 @@ pub(super) struct Push {
     /// The key that the server asks for.
     #[arg(long, env = "MAPWELD_KEY", hide_env_values = true)]
     key: Option<String>,
+    /// Trust servers whose certificates these vouch for (PEM), instead of those that the system trusts.
+    #[arg(long, env = "MAPWELD_CA", value_name = "FILE")]
+    ca: Option<PathBuf>,
     /// The session: which robots map together. Made by the first push.
     #[arg(long)]
     session: SessionId,
@@ -61,7 +64,11 @@ impl Push {
             give_up_after: Duration::from_secs(self.retry_for),
             ..Patience::default()
         };
-        let mut client = Client::new(&self.server, patience, random_seed())?;
+        let authority = match self.ca.clone() {
+            Some(file) => Some(std::fs::read(&file).bad_input(move || format!("cannot read {}", file.display()))?),
+            None => None,
+        };
+        let mut client = Client::trusting(&self.server, patience, random_seed(), authority.as_deref())?;
         if let Some(key) = &self.key {
             client = client.with_key(key)?;
         }

@@ -20,7 +20,7 @@ use crate::clock::{Clock, SystemClock, SystemIds};
 use crate::compute::Compute;
 use crate::config::{LogFormat, ServeConfig};
 use crate::failpoint;
-use crate::http::{AppState, Rooms, app, listen};
+use crate::http::{AppState, Door, Rooms, acceptor, app, listen};
 use crate::store::{QueueLimits, Store};
 use crate::telemetry;
 use crate::worker::{Memory, Merges, Sweeper, Worker, WorkerSettings};
@@ -54,6 +54,7 @@ impl Serve {
 
 /// A server that runs in this process.
 pub(super) struct Server {
+    scheme: &'static str,
     address: SocketAddr,
     store: Arc<dyn Store>,
     stop: CancellationToken,
@@ -87,14 +88,31 @@ impl Server {
             .await
             .bad_input(|| format!("cannot listen on {}", config.listen))?;
         let address = listener.local_addr().context("the socket has no address")?;
+        let tls = match (&config.tls_cert, &config.tls_key) {
+            (Some(certificate), Some(key)) => Some(acceptor(certificate, key).bad_input(|| "--tls-cert")?),
+            _ => None,
+        };
+        let scheme = if tls.is_some() { "https" } else { "http" };
+        if tls.is_none() && config.is_beyond_loopback() && !config.insecure {
+            tracing::warn!("keys and maps pass the network in the clear: give --tls-cert, or a proxy that encrypts");
+        }
         let processors = available_parallelism().unwrap_or(NonZeroUsize::MIN);
         let workers = config.work.workers.unwrap_or(processors.get());
         let threads = config.work.threads.and_then(NonZeroUsize::new).unwrap_or(processors);
+        let merges_at_once = config
+            .limits
+            .max_merges
+            .unwrap_or(u32::try_from(processors.get()).unwrap_or(u32::MAX));
         let rooms = Rooms {
+            merges_at_once,
             store: Arc::clone(&store),
             blobs: open_blobs(config)?,
             // requests find a place while every worker computes
-            compute: Compute::new(threads, threads.saturating_add(workers)).context("cannot start threads")?,
+            compute: Compute::new(
+                threads,
+                threads.saturating_add(workers).saturating_add(merges_at_once as usize),
+            )
+            .context("cannot start threads")?,
             clock: Arc::new(SystemClock::new()),
             ids: Arc::new(SystemIds),
             stop: CancellationToken::new(),
@@ -113,8 +131,15 @@ impl Server {
             Some(at_once) => tokio::spawn(work(worker(&rooms, config, at_once), stop.clone())),
             None => tokio::spawn(async {}),
         };
-        let listening = listen(listener, app(AppState::new(rooms, config)), stop.clone(), GRACE);
+        let door = Door {
+            connections: config.limits.max_connections,
+            head_time: config.limits.head_time,
+            grace: GRACE,
+            tls,
+        };
+        let listening = listen(listener, app(AppState::new(rooms, config)), stop.clone(), door);
         Ok(Self {
+            scheme,
             address,
             store,
             stop,
@@ -126,7 +151,7 @@ impl Server {
 
     /// Where it is reached.
     pub(super) fn url(&self) -> String {
-        format!("http://{}", self.address)
+        format!("{}://{}", self.scheme, self.address)
     }
 
     /// Takes no more requests, finishes those in flight, gives jobs back to the queue, and closes the folder.

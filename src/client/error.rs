@@ -19,6 +19,9 @@ pub enum ClientError {
     /// The key is none. Its text is not repeated: it may be a secret with a typing mistake.
     #[error("the key is not of the form mapweld_ID_SECRET that `mapweld keys create` prints")]
     BadKey,
+    /// The certificates to trust are none.
+    #[error("there is no PEM certificate among those to trust")]
+    BadAuthority,
     /// The server could not be reached, or the connection broke.
     #[error("cannot reach {server}: {detail}")]
     Unreachable {
@@ -76,7 +79,9 @@ impl ClientError {
             Self::Unreachable { .. } | Self::GaveUp { .. } => true,
             Self::Refused { problem, .. } => passes_by_itself(problem.status),
             Self::Foreign { status, .. } => passes_by_itself(*status),
-            Self::BadServer { .. } | Self::BadKey | Self::JobEnded { .. } | Self::Spool(_) => false,
+            Self::BadServer { .. } | Self::BadKey | Self::BadAuthority | Self::JobEnded { .. } | Self::Spool(_) => {
+                false
+            }
         }
     }
 

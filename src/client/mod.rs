@@ -57,6 +57,19 @@ impl Client {
     /// # Errors
     /// When the address is no URL, or for https when the system has no certificates to trust.
     pub fn new(server: &str, patience: Patience, seed: u64) -> Result<Self, ClientError> {
+        Self::trusting(server, patience, seed, None)
+    }
+
+    /// As [`Client::new`]; an https server must show a certificate that these, PEM, vouch for, whatever the system trusts.
+    ///
+    /// # Errors
+    /// As [`Client::new`], and when there is no certificate in the text.
+    pub fn trusting(
+        server: &str,
+        patience: Patience,
+        seed: u64,
+        authority: Option<&[u8]>,
+    ) -> Result<Self, ClientError> {
         let bad = |detail: String| ClientError::BadServer {
             server: server.to_owned(),
             detail,
@@ -76,6 +89,13 @@ impl Client {
         if base.scheme() == "http" {
             // Plain HTTP works on a robot without any certificates installed.
             builder = builder.tls_certs_only([]);
+        }
+        if let Some(pem) = authority {
+            let certificates = reqwest::Certificate::from_pem_bundle(pem).unwrap_or_default();
+            if certificates.is_empty() {
+                return Err(ClientError::BadAuthority);
+            }
+            builder = builder.tls_certs_only(certificates);
         }
         if base.host().is_some_and(is_loopback) {
             builder = builder.no_proxy();

@@ -52,6 +52,14 @@ pub struct ServeConfig {
     #[arg(long, env = "MAPWELD_BLOBS", value_name = "PLACE")]
     pub blobs: Option<BlobPlace>,
 
+    /// The server's certificate, PEM, its own first: connections are encrypted.
+    #[arg(long, env = "MAPWELD_TLS_CERT", requires = "tls_key", value_name = "FILE")]
+    pub tls_cert: Option<PathBuf>,
+
+    /// The private key of this certificate, PEM.
+    #[arg(long, env = "MAPWELD_TLS_KEY", requires = "tls_cert", value_name = "FILE")]
+    pub tls_key: Option<PathBuf>,
+
     /// Let everyone do everything: nobody has to show a key, also on an address that other machines reach.
     #[arg(long, env = "MAPWELD_INSECURE")]
     pub insecure: bool,
@@ -123,6 +131,26 @@ pub struct LimitConfig {
     /// Longest time that a request's body may take to arrive.
     #[arg(long, env = "MAPWELD_BODY_TIME", default_value = "60s", value_parser = parse_duration, value_name = "TIME")]
     pub body_time: Duration,
+
+    /// Longest time that a request's head may take to arrive, and that a connection may idle.
+    #[arg(long, env = "MAPWELD_HEAD_TIME", default_value = "30s", value_parser = parse_duration, value_name = "TIME")]
+    pub head_time: Duration,
+
+    /// Most connections; on further ones only `/livez` and `/readyz` are answered, all else with 503.
+    #[arg(long, env = "MAPWELD_MAX_CONNECTIONS", default_value_t = 1024, value_parser = at_least_one(), value_name = "COUNT")]
+    pub max_connections: u32,
+
+    /// Most requests at one time; more are answered with 503.
+    #[arg(long, env = "MAPWELD_MAX_REQUESTS", default_value_t = 256, value_parser = at_least_one(), value_name = "COUNT")]
+    pub max_requests: u32,
+
+    /// Most event streams and long polls at one time, which `--max-requests` does not count; more are answered with 503.
+    #[arg(long, env = "MAPWELD_MAX_WAITING", default_value_t = 512, value_parser = at_least_one(), value_name = "COUNT")]
+    pub max_waiting: u32,
+
+    /// Most one-shot merges at one time; more are answered with 503. Default: one for each processor.
+    #[arg(long, env = "MAPWELD_MAX_MERGES", value_parser = at_least_one(), value_name = "COUNT")]
+    pub max_merges: Option<u32>,
 
     /// Most uploads that are held in memory at one time; more are answered with 503.
     #[arg(long, env = "MAPWELD_MAX_UPLOADS", default_value_t = 8, value_name = "COUNT")]
@@ -215,6 +243,10 @@ impl LimitConfig {
             ..Limits::default()
         }
     }
+}
+
+fn at_least_one() -> clap::builder::RangedI64ValueParser<u32> {
+    clap::value_parser!(u32).range(1..)
 }
 
 /// A time such as `90s`, `10m` or `1h 30m`.

@@ -79,6 +79,7 @@ pub(super) async fn merge(
         return Err(unsupported(Some(&content_type), "multipart/form-data"));
     }
     let parts = sort_out(read_parts(&content_type, bytes).await?, state.limits.maps)?;
+    let _at_once = state.merges.enter()?;
     let order = oneshot::Order {
         parts,
         method,

@@ -15,6 +15,7 @@ mod health;
 mod jobs;
 mod list;
 mod listen;
+mod load;
 mod maps;
 mod merge;
 mod methods;
@@ -28,6 +29,7 @@ mod rules;
 mod sessions;
 mod state;
 mod suffix;
+mod tls;
 mod upload;
 mod versions;
 mod watch;
@@ -42,8 +44,9 @@ use utoipa::OpenApi as _;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-pub use listen::listen;
+pub use listen::{Door, listen};
 pub use state::{AppState, Rooms};
+pub use tls::{BadCertificate, acceptor};
 
 use suffix::add_suffixed;
 
@@ -101,5 +104,6 @@ pub fn app(state: AppState) -> Router {
         .service(routed);
     Router::new()
         .fallback_service(routed)
+        .layer(from_fn_with_state(state.clone(), load::shed))
         .layer(from_fn_with_state(state, middleware::follow))
 }

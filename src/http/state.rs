@@ -9,6 +9,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::auth::{Answers, Gate, RateLimit};
 use super::error::{ApiError, ApiResult};
+use super::load::Bound;
 use crate::clock::{Clock, Ids};
 use crate::codec::Limits;
 use crate::compute::{Compute, RunControl};
@@ -37,6 +38,12 @@ pub struct Inner {
     pub(super) limits: HttpLimits,
     /// Whether a map makes its session.
     pub(super) auto_create: bool,
+    /// Requests that work.
+    pub(super) requests: Bound,
+    /// Requests that wait for something to happen.
+    pub(super) waiting: Bound,
+    /// One-shot merges.
+    pub(super) merges: Bound,
     /// A place for each upload that is held in memory.
     pub(super) uploads: Arc<Semaphore>,
     /// Told when the server is about to stop: who waits, stops waiting.
@@ -70,6 +77,8 @@ pub struct Rooms {
     pub clock: Arc<dyn Clock>,
     /// New ids.
     pub ids: Arc<dyn Ids>,
+    /// Most one-shot merges at one time.
+    pub merges_at_once: u32,
     /// Told when the server is about to stop.
     pub stop: CancellationToken,
 }
@@ -95,6 +104,9 @@ impl AppState {
                 merge_time: config.work.job_deadline,
             },
             auto_create: !config.no_auto_create,
+            requests: Bound::new("requests", config.limits.max_requests),
+            waiting: Bound::new("event streams and long polls", config.limits.max_waiting),
+            merges: Bound::new("one-shot merges", rooms.merges_at_once),
             uploads: Arc::new(Semaphore::new(config.limits.max_uploads)),
             stop: rooms.stop,
         }))

@@ -58,6 +58,8 @@ impl Worker {
         beats.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut next_report = Instant::now();
         let mut wish = Wish::None;
+        // work that does not stop when it is told to is left to itself: its lane and its session go on
+        let mut give_up = Instant::now() + self.settings.deadline + self.settings.stop_within;
         let result = loop {
             let mut renew = false;
             let mut look = false;
@@ -67,6 +69,7 @@ impl Worker {
                 () = stop.cancelled(), if wish == Wish::None => {
                     wish = Wish::GiveBack;
                     control.cancel();
+                    give_up = give_up.min(Instant::now() + self.settings.stop_within);
                 }
                 change = news.recv() => look = match change {
                     Ok(Change::Job(_, job, _)) => job == lease.job,
@@ -75,6 +78,11 @@ impl Worker {
                     Err(RecvError::Lagged(_)) => true,
                     Err(RecvError::Closed) => std::future::pending().await,
                 },
+                () = sleep_until(give_up) => {
+                    tracing::error!(job = %lease.job, "the work does not stop: it is left to itself");
+                    control.cancel();
+                    break Err(Failure::Stopped(Stop::Deadline));
+                }
                 _ = beats.tick() => renew = true,
                 () = sleep_until(next_report), if report.has_changed().unwrap_or(false) => renew = true,
             }
@@ -101,6 +109,7 @@ impl Worker {
                 wish = heard;
             }
             control.cancel();
+            give_up = give_up.min(Instant::now() + self.settings.stop_within);
         };
         match (result, wish) {
             (_, Wish::Drop) => Ended::Lost,

@@ -56,6 +56,8 @@ pub struct WorkerSettings {
     pub lease: Duration,
     /// The most time for one attempt.
     pub deadline: Duration,
+    /// How long work may take to stop once it is told to, before it is left to itself.
+    pub stop_within: Duration,
     /// How long it sleeps at most before it looks for jobs that nobody has told it of.
     pub poll: Duration,
     /// The pause after the first failed attempt; doubled after each further one.
@@ -71,6 +73,7 @@ impl WorkerSettings {
             at_once: NonZeroUsize::MIN,
             lease: Duration::from_secs(30),
             deadline: Duration::from_mins(10),
+            stop_within: Duration::from_secs(15),
             poll: Duration::from_secs(1),
             retry_pause: Duration::from_secs(1),
         }

@@ -21,6 +21,7 @@ enum Script {
     FailForNow,
     FailForGood,
     WorkUntilStopped,
+    NeverStop,
 }
 
 struct Scripted {
@@ -36,6 +37,7 @@ impl Work for Scripted {
         match self.script {
             Script::Publish => Ok(Done::Version(Box::new(version()))),
             Script::Panic => panic!("row 7 is no row"),
+            Script::NeverStop => std::future::pending().await,
             Script::FailForNow => Err(Failure::ForNow(JobError::new("busy", "try again"))),
             Script::FailForGood => Err(Failure::for_good("bad", "never")),
             Script::WorkUntilStopped => loop {
@@ -309,4 +311,27 @@ async fn an_idle_worker_wakes_at_once_and_stops_when_told() {
     };
     let both = async { tokio::join!(running, story) };
     tokio::time::timeout(Duration::from_mins(1), both).await.expect("stops");
+}
+
+#[tokio::test]
+async fn an_endless_job_that_does_not_hear_is_left_to_itself_and_the_next_one_runs() {
+    let mut bench = Bench::new(Script::NeverStop).await;
+    bench.worker.settings.deadline = Duration::from_millis(20);
+    bench.worker.settings.stop_within = Duration::from_millis(20);
+    let endless = bench.enqueue().await;
+    assert_eq!(bench.run_one().await, Ran::Job);
+    let job = bench.job(endless).await;
+    assert_eq!(job.state, JobState::Failed);
+    assert_eq!(job.error.map(|error| error.code).as_deref(), Some("deadline"));
+
+    bench.worker.settings.deadline = Duration::from_secs(100);
+    let next = bench.enqueue().await;
+    let cancel = async {
+        until(async || bench.work.begun.load(Ordering::SeqCst) == 2).await;
+        let asked = bench.store.cancel_job(next, bench.clock.now()).await;
+        asked.expect("is asked");
+    };
+    let (ran, ()) = tokio::join!(bench.run_one(), cancel);
+    assert_eq!(ran, Ran::Job, "its session is free, and its lane");
+    assert_eq!(bench.job(next).await.state, JobState::Cancelled);
 }
