@@ -133,7 +133,7 @@ async fn bytes_that_are_being_removed_cannot_be_kept_until_they_are_gone_or_thei
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
 async fn no_record_loses_its_bytes_to_a_sweeper_however_their_steps_interleave() {
     const CONTENTS: [&str; 3] = ["a", "b", "c"];
-    const ROUNDS: usize = 60;
+    const ROUNDS: usize = 25;
     let house = Arc::new(House::new(Duration::ZERO).await);
     let stop = CancellationToken::new();
     let sweeping = {
