@@ -56,6 +56,10 @@ pub struct Cli {
 }
 
 #[derive(Debug, Subcommand)]
+#[cfg_attr(
+    all(feature = "client", feature = "server"),
+    expect(clippy::large_enum_variant, reason = "there is one, for as long as the process")
+)]
 enum Command {
     #[cfg(all(feature = "client", feature = "server"))]
     Demo(demo::Demo),

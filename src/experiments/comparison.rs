@@ -21,6 +21,7 @@ const SECONDS_MAX: f64 = 20.0;
 const FAINT: f64 = 0.1;
 
 /// Table 3 of the paper: method, seconds, V in percent, for its four experiments; `None` where it says "fails".
+#[expect(clippy::type_complexity, reason = "a table, column by column")]
 const TABLE_3: [(&str, [Option<f64>; 4], [Option<f64>; 4]); 6] = [
     (
         "hough-peaks",

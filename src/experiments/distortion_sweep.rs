@@ -19,6 +19,14 @@ use crate::simulation::Random;
 const ALPHAS: [u32; 6] = [0, 20, 40, 60, 80, 100];
 const OVERLAPS: [u32; 2] = [40, 70];
 
+#[expect(
+    clippy::too_many_lines,
+    reason = "an experiment reads from its worlds to its claims like its section of the paper"
+)]
+#[expect(
+    clippy::unnecessary_wraps,
+    reason = "experiments have one signature, and others can fail"
+)]
 pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome, ExperimentError> {
     let (alphas, seeds): (&[u32], u64) = if settings.quick { (&[0, 100], 2) } else { (&ALPHAS, 20) };
     let methods = contestants();

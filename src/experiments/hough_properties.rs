@@ -18,6 +18,14 @@ use crate::registration::methods::hough_peaks::{HoughView, PeakView};
 const TURN_DEGREES: f64 = 15.0;
 const SHIFT_CELLS: f64 = 50.0;
 
+#[expect(
+    clippy::too_many_lines,
+    reason = "an experiment reads from its worlds to its claims like its section of the paper"
+)]
+#[expect(
+    clippy::unnecessary_wraps,
+    reason = "experiments have one signature, and others can fail"
+)]
 pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome, ExperimentError> {
     let steps = Steps::new(control, 3);
     let map = cluttered_map(settings.seed);

@@ -17,6 +17,14 @@ use crate::simulation::Random;
 /// From this similarity on, the merged map shows the world, in the sense of the paper's "acceptable".
 const ACCEPTABLE: f64 = 0.9;
 
+#[expect(
+    clippy::too_many_lines,
+    reason = "an experiment reads from its worlds to its claims like its section of the paper"
+)]
+#[expect(
+    clippy::unnecessary_wraps,
+    reason = "experiments have one signature, and others can fail"
+)]
 pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome, ExperimentError> {
     let (overlaps, seeds): (Vec<u32>, u64) = if settings.quick {
         (vec![10, 50, 90], 2)

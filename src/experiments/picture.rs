@@ -124,7 +124,7 @@ fn tint(color: Rgb) -> Rgb {
 }
 
 fn darker(a: Rgb, b: Rgb) -> Rgb {
-    [0, 1, 2].map(|k| byte((f64::from(a[k]) + f64::from(b[k])) / 2.0 - 12.0_f64.min(f64::from(a[k].min(b[k])))))
+    [0, 1, 2].map(|k| byte(f64::midpoint(f64::from(a[k]), f64::from(b[k])) - 12.0_f64.min(f64::from(a[k].min(b[k])))))
 }
 
 /// The smallest lattice without yaw, in the finest of the maps' cells, that holds all of them.

@@ -21,6 +21,10 @@ use crate::registration::overlap::{StateMap, compare};
 use crate::registration::{Control, Registration, register};
 use crate::simulation::Random;
 
+#[expect(
+    clippy::unnecessary_wraps,
+    reason = "experiments have one signature, and others can fail"
+)]
 pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome, ExperimentError> {
     let (matching, different) = if settings.quick { (3, 1) } else { (64, 24) };
     let pairs = near_pairs(settings.seed ^ 0x700, matching, different);
@@ -88,7 +92,7 @@ fn variants() -> Vec<(&'static str, HoughPeaksParams)> {
         of("f = mean of non-zeros", |p| p.spectrum = Spectrum::MeanOfNonZeros),
         of("f = entropy", |p| p.spectrum = Spectrum::Entropy),
         of("tuning window as printed", |p| {
-            p.rotation_tuning = RotationTuning::PaperWindow
+            p.rotation_tuning = RotationTuning::PaperWindow;
         }),
         of("lines one cell wide", |p| p.line_width_cells = 1),
         of("one couple a direction", |p| p.pairing = Pairing::BestPerAngle),
@@ -96,10 +100,10 @@ fn variants() -> Vec<(&'static str, HoughPeaksParams)> {
         of("v_gate 50 votes", |p| p.v_gate = 50.0),
         of("d_gate 100 cells", |p| p.d_gate = 100.0),
         of("translation by entropy", |p| {
-            p.translation_tuning = TranslationTuning::Entropy
+            p.translation_tuning = TranslationTuning::Entropy;
         }),
         of("dis over cells known in one", |p| {
-            p.disagreement = Disagreement::KnownInOne
+            p.disagreement = Disagreement::KnownInOne;
         }),
         ("all as printed", HoughPeaksParams::literal()),
     ]
@@ -378,6 +382,7 @@ impl Measured<'_> {
         self.share(|sight| sight.translation[k].is_some_and(|cells| cells <= 10.0))
     }
 
+    #[expect(clippy::too_many_lines, reason = "one row after the other, as the page shows them")]
     fn table(&self) -> Table {
         let mut table = Table::new(
             "stages",
@@ -493,6 +498,7 @@ impl Measured<'_> {
         table
     }
 
+    #[expect(clippy::too_many_lines, reason = "one row after the other, as the page shows them")]
     fn claims(&self, rows: &[Row]) -> Vec<Claim> {
         let pipeline = |name: &str| rows.iter().find(|row| row.name == name);
         let posed = |name: &str| pipeline(name).map_or("-".to_owned(), |row| percent(row.posed));

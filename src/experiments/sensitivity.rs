@@ -55,6 +55,10 @@ struct Quality {
     error: f64,
 }
 
+#[expect(
+    clippy::unnecessary_wraps,
+    reason = "experiments have one signature, and others can fail"
+)]
 pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome, ExperimentError> {
     let (matching, different) = if settings.quick { (4, 2) } else { (64, 24) };
     let pairs = near_pairs(settings.seed ^ 0x600, matching, different);

@@ -181,6 +181,7 @@ impl Step<'_> {
         Some(axes.apply([tx - x, ty - y]))
     }
 
+    #[expect(clippy::too_many_lines, reason = "one row after the other, as the page shows them")]
     fn claims(
         &self,
         candidate: Angle,
@@ -378,11 +379,11 @@ impl Step<'_> {
     }
 
     fn figure_8(&self, tuned: Angle) -> Figure {
-        let turned = super::frames::reframed(self.moving, Pose2::new(0.0, 0.0, tuned));
+        let rotated = super::frames::reframed(self.moving, Pose2::new(0.0, 0.0, tuned));
         let mut panels = vec![
             map_panel("a) map 1", self.fixed),
             map_panel("b) map 2", self.moving),
-            map_panel("c) map 2 after the tuned rotation", &turned),
+            map_panel("c) map 2 after the tuned rotation", &rotated),
         ];
         let pose = self.found.or(self.trace.tuned).unwrap_or(Pose2::IDENTITY);
         let both = [

@@ -63,6 +63,7 @@ pub(super) enum Around {
 
 /// Metres of wall (occupied cells times their size), the mean of both directions of looking up.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[expect(clippy::struct_field_names, reason = "the unit stands in the name, as everywhere")]
 pub(super) struct WallAgreement {
     /// Wall of one map within the tolerance of a wall of the other.
     pub(super) matched_m: f64,
@@ -276,6 +277,7 @@ fn around(grid: &OccupancyGrid, tolerance_m: f64) -> Vec<Around> {
 
 /// The normal of a wall at one of its cells, in the map's frame: across the occupied cells within three cells of it,
 /// where they lie in a line.
+#[expect(clippy::similar_names, reason = "the letters of the formulas")]
 fn normal(grid: &OccupancyGrid, column: u32, row: u32) -> Option<Point> {
     const REACH: u32 = 3;
     let lattice = grid.lattice();

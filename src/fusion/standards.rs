@@ -76,6 +76,7 @@ impl Default for StandardRules {
 
 /// How the walls of two maps, or of two groups, lie on each other under one pose.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[expect(clippy::struct_field_names, reason = "the unit stands in the name, as everywhere")]
 pub(super) struct Fit {
     pub(super) matched_m: f64,
     pub(super) violated_m: f64,

@@ -66,13 +66,12 @@ pub async fn listen(listener: TcpListener, app: Router, stop: CancellationToken,
     loop {
         let accepted = async {
             let socket = listener.accept().await;
-            match Arc::clone(&places).try_acquire_owned() {
-                Ok(place) => (socket, place, None),
-                Err(_) => {
-                    let place = Arc::clone(&crowd).acquire_owned().await;
-                    let most = door.connections;
-                    (socket, place.expect("invariant: never closed"), Some(Crowded { most }))
-                }
+            if let Ok(place) = Arc::clone(&places).try_acquire_owned() {
+                (socket, place, None)
+            } else {
+                let place = Arc::clone(&crowd).acquire_owned().await;
+                let most = door.connections;
+                (socket, place.expect("invariant: never closed"), Some(Crowded { most }))
             }
         };
         let (socket, place, crowded) = tokio::select! {

@@ -213,7 +213,10 @@ impl ShownKey {
     /// The key in full, for its owner and nobody else.
     #[must_use]
     pub fn reveal(&self) -> String {
-        let secret: String = self.secret.iter().map(|byte| format!("{byte:02x}")).collect();
+        let secret = self.secret.iter().fold(String::new(), |mut text, byte| {
+            text.extend([byte >> 4, byte & 15].map(|digit| char::from_digit(u32::from(digit), 16).unwrap_or('0')));
+            text
+        });
         format!("mapweld_{}_{secret}", self.id.uuid().simple())
     }
 }

@@ -182,8 +182,8 @@ impl Steering {
         // what rules say first; where the version before placed a base, only for what they leave open
         for more in [&BTreeMap::new(), earlier] {
             let guessed = |robot: &RobotId| guesses.iter().any(|guess| guess.robot == *robot);
-            let bases = more.iter().filter(|(robot, _)| !guessed(robot));
-            for (robot, pose) in bases {
+            let starts = more.iter().filter(|(robot, _)| !guessed(robot));
+            for (robot, pose) in starts {
                 known.entry(robot.clone()).or_insert(*pose);
             }
             while let Some((robot, pose, reach)) = guesses.iter().find_map(|guess| told(guess, &known)) {

@@ -72,7 +72,6 @@ pub(super) fn panels<DB: DrawingBackend>(
     Ok(())
 }
 
-#[expect(clippy::needless_pass_by_value, reason = "as map_err hands it over")]
 pub(super) fn told(error: impl std::error::Error) -> String {
     error.to_string()
 }

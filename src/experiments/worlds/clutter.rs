@@ -110,7 +110,7 @@ fn columns(map: &OccupancyGrid, range: std::ops::Range<u32>) -> OccupancyGrid {
 
 /// The map bent by eq. 40: each cell turned about the middle of the map by `alpha` for every cell of its distance.
 ///
-/// R_d of the paper turns clockwise for a positive alpha; so does this. A turn keeps the distance, so the cell that comes
+/// `R_d` of the paper turns clockwise for a positive alpha; so does this. A turn keeps the distance, so the cell that comes
 /// to a place is the one at the same distance, turned back.
 pub(in crate::experiments) fn distorted(map: &OccupancyGrid, alpha: Angle) -> OccupancyGrid {
     let lattice = *map.lattice();

@@ -42,7 +42,7 @@ impl RateLimit {
         let at = empty_at.entry(key).or_insert(now);
         let ahead = at.saturating_sub(now);
         if ahead > self.ahead {
-            return Err(ahead - self.ahead);
+            return Err(ahead.saturating_sub(self.ahead));
         }
         *at = now + ahead + pace;
         Ok(())

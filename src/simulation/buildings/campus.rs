@@ -11,8 +11,8 @@ use crate::simulation::{Random, World, WorldKind};
 pub(super) fn campus(random: &mut Random, world: &mut World) {
     let storeys: Vec<(World, Point)> = (0..random.between(1, 5)).map(|_| storey(random)).collect();
     let street = random.uniform(2.4, 3.6);
-    let side = storeys.iter().flat_map(|(_, size)| *size).fold(0.0, f64::max);
-    let pitch = side + street;
+    let widest = storeys.iter().flat_map(|(_, size)| *size).fold(0.0, f64::max);
+    let pitch = widest + street;
     let (columns, rows) = (random.between(3, 4), random.between(2, 3));
     for column in 0..columns {
         for row in 0..rows {
@@ -21,8 +21,9 @@ pub(super) fn campus(random: &mut Random, world: &mut World) {
             let quarter = Angle::from_degrees(90.0 * real(random.below(4)));
             let corner = Pose2::new(-size[0] / 2.0, -size[1] / 2.0, Angle::ZERO);
             let pose = Pose2::new(middle[0], middle[1], quarter) * corner;
-            let strokes = copy.strokes.iter().map(|(shape, solid)| (shape.moved(pose), *solid));
-            world.strokes.extend(strokes);
+            world
+                .strokes
+                .extend(copy.strokes.iter().map(|(shape, solid)| (shape.moved(pose), *solid)));
             world.furniture.extend(copy.furniture.iter().map(|item| Furniture {
                 parts: item.parts.clone(),
                 pose: pose * item.pose,

@@ -25,7 +25,7 @@
 use super::params::{DecisionParameters, PosteriorWeights};
 use super::placement::{Moments, Placement};
 use super::refine::Refined;
-use super::score::{Score, kullback};
+use super::score::{Score, Tally, kullback};
 
 /// Hypotheses nearer than this are one, metres.
 pub(super) const RIVAL_M: f64 = 0.7;
@@ -91,9 +91,17 @@ impl Finalist {
 
     /// Wall samples of both maps, their mean.
     fn extent(&self) -> f32 {
-        let mean = &self.score.mean;
-        mean.found + mean.crossed + mean.near + mean.violated() + mean.unknown
+        extent(&self.score.mean)
     }
+
+    /// Wall samples of the map that has more.
+    fn larger_extent(&self) -> f32 {
+        extent(&self.score.moving).max(extent(&self.score.fixed))
+    }
+}
+
+fn extent(tally: &Tally) -> f32 {
+    tally.found + tally.crossed + tally.near + tally.violated() + tally.unknown
 }
 
 /// Best first by the plain score; hypotheses that came to lie together are one.
@@ -243,7 +251,7 @@ impl Field<'_> {
             strict_rival > parameters.rival_min && strict_rival > parameters.rival_share_max * me.strict;
         let against = (mean.violated_straight + 0.5 * mean.violated_clutter) / mean.soft.max(1.0);
         let outdone = self.best_rival(index, RIVAL_M, |f| f.bent) > parameters.outdone_ratio * me.bent;
-        let grown = parameters.score_per_m * (0.1 * me.extent() - parameters.extent_m);
+        let grown = parameters.score_per_m * (0.1 * me.larger_extent() - parameters.extent_m);
         let held = me.support > 10.0 * parameters.support_min_m;
         held && !two_explanations && against < parameters.against_max && !outdone && me.plain > grown
     }

@@ -41,9 +41,9 @@ pub(super) fn search(
     }
     let tune = |found: Found| {
         stages.go_on()?;
-        let states = (&fixed.map.states, &moving.map.states);
+        let maps = (&fixed.map.states, &moving.map.states);
         Ok(Found {
-            pose_fixed_moving: tuned_translation(states.0, states.1, found.pose_fixed_moving, params),
+            pose_fixed_moving: tuned_translation(maps.0, maps.1, found.pose_fixed_moving, params),
             ..found
         })
     };

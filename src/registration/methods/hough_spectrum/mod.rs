@@ -101,7 +101,7 @@ struct Features {
     map: Map,
     /// HS(theta).
     spectrum: Vec<f64>,
-    /// P_x and P_y of the map as it lies.
+    /// `P_x` and `P_y` of the map as it lies.
     projections: [Vec<f64>; 2],
 }
 
@@ -122,7 +122,7 @@ impl Prepared for Features {
     }
 }
 
-/// P_x and P_y of a map that is rotated about the centre of its occupied box: the columns of its Hough image at 0 and 90
+/// `P_x` and `P_y` of a map that is rotated about the centre of its occupied box: the columns of its Hough image at 0 and 90
 /// degrees, in bins of a cell, the centre in the middle.
 fn projections(points: &WallPoints, rotation: Angle) -> [Vec<f64>; 2] {
     let axes = Directions {

@@ -165,9 +165,9 @@ fn removable(cells: &[bool], width: usize, at: usize, pass: usize) -> bool {
     let begins = (0..8).filter(|k| !around[*k] && around[(k + 1) % 8]).count();
     let [up, _, right, _, down, _, left, _] = around;
     let open = if pass == 0 {
-        !(up && right && down) && !(right && down && left)
+        !(right && down && (up || left))
     } else {
-        !(up && right && left) && !(up && down && left)
+        !(up && left && (right || down))
     };
     (2..=6).contains(&neighbours) && begins == 1 && open
 }
