@@ -181,9 +181,9 @@ impl Steering {
         known.insert(anchor.clone(), Pose2::IDENTITY);
         // what rules say first; where the version before placed a base, only for what they leave open
         for more in [&BTreeMap::new(), earlier] {
-            let guessed = |robot: &RobotId| guesses.iter().any(|guess| guess.robot == *robot);
-            let starts = more.iter().filter(|(robot, _)| !guessed(robot));
-            for (robot, pose) in starts {
+            let is_told_of = |robot: &RobotId| guesses.iter().any(|guess| guess.robot == *robot);
+            let bases = more.iter().filter(|(robot, _)| !is_told_of(robot));
+            for (robot, pose) in bases {
                 known.entry(robot.clone()).or_insert(*pose);
             }
             while let Some((robot, pose, reach)) = guesses.iter().find_map(|guess| told(guess, &known)) {

@@ -26,7 +26,7 @@ impl Blobs {
     pub fn list(&self) -> BoxStream<'_, Result<Kept, StoreError>> {
         let all = self.objects.list(Some(&path::Path::from("sha256")));
         all.map_err(|error| StoreError::Unavailable(error.into()))
-            .map_ok(kept)
+            .map_ok(|object| kept(&object))
             .boxed()
     }
 
@@ -42,7 +42,7 @@ impl Blobs {
     }
 }
 
-fn kept(object: ObjectMeta) -> Kept {
+fn kept(object: &ObjectMeta) -> Kept {
     let place = object.location.to_string();
     Kept {
         key: BlobKey::at(&place),
