@@ -20,10 +20,16 @@ async fn sent(server: &TestServer, text: &str) -> TcpStream {
     socket
 }
 
-/// An upload that never ends.
+/// An upload that never ends, and that the server has begun to read: only then it asks for the body.
 async fn slow_upload(server: &TestServer) -> TcpStream {
-    let head = "POST /v1/sessions/s/robots/r/maps HTTP/1.1\r\nhost: x\r\ncontent-type: image/png\r\ncontent-length: 9\r\n\r\nP";
-    sent(server, head).await
+    let head = "POST /v1/sessions/s/robots/r/maps HTTP/1.1\r\nhost: x\r\ncontent-type: image/png\r\n\
+                content-length: 9\r\nexpect: 100-continue\r\n\r\n";
+    let mut socket = sent(server, head).await;
+    let mut answer = [0; 12];
+    let read = tokio::time::timeout(PATIENCE, socket.read_exact(&mut answer)).await;
+    read.expect("in time").expect("an answer");
+    assert_eq!(&answer, b"HTTP/1.1 100");
+    socket
 }
 
 /// Asks until the answer has this status; gives that answer's problem code, if it is one.
