@@ -1,6 +1,7 @@
 //! The page for operators says what the command says.
 #![cfg(feature = "server")]
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -35,7 +36,7 @@ fn table() -> String {
         let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
         let help = help.trim().trim_end_matches('.').replace('|', "\\|");
         assert!(!help.is_empty(), "--{option} says nothing of itself");
-        table += &format!("| `--{option}` | `{variable}` | {default} | {help}. |\n");
+        writeln!(table, "| `--{option}` | `{variable}` | {default} | {help}. |").expect("memory takes it");
     }
     table
 }

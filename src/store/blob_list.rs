@@ -23,6 +23,7 @@ pub struct Kept {
 
 impl Blobs {
     /// Everything that is kept, in no order.
+    #[must_use]
     pub fn list(&self) -> BoxStream<'_, Result<Kept, StoreError>> {
         let all = self.objects.list(Some(&path::Path::from("sha256")));
         all.map_err(|error| StoreError::Unavailable(error.into()))

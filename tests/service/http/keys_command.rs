@@ -33,7 +33,7 @@ async fn a_key_that_is_made_closes_a_running_server_and_one_that_is_revoked_open
     let server = TestServer::start(&["--workers", "0"]);
     let status = |key: Option<String>| {
         let request = server.get("/v1/methods");
-        let request = key.into_iter().fold(request, |request, key| request.bearer_auth(key));
+        let request = key.into_iter().fold(request, reqwest::RequestBuilder::bearer_auth);
         async { request.send().await.expect("an answer").status() }
     };
     assert_eq!(status(None).await, StatusCode::OK, "no key was ever made");

@@ -59,7 +59,7 @@ pub(crate) async fn a_constraint_stands_until_it_is_removed(store: AnyStore) {
         size: 1,
     };
     let rest = store.list_constraints(&id, &page).await.expect("a list");
-    assert_eq!(rest, [second.clone()]);
+    assert_eq!(rest, std::slice::from_ref(&second));
     assert_eq!(store.get_constraint(&id, first.id).await.expect("stands"), first);
 
     let missing = |error: StoreError| matches!(error, StoreError::NotFound(Missing::Constraint(..)));

@@ -239,7 +239,7 @@ pub(crate) async fn marks_and_records_never_meet_halfway(store: AnyStore) {
             added
         });
     }
-    let marker = {
+    let sweeping = {
         let store = Arc::clone(&store);
         async move {
             let mut marked = 0;
@@ -261,7 +261,7 @@ pub(crate) async fn marks_and_records_never_meet_halfway(store: AnyStore) {
             marked
         }
     };
-    let (marked, added) = tokio::join!(marker, adders.join_all());
+    let (marked, added) = tokio::join!(sweeping, adders.join_all());
     assert!(
         marked > 0 && added.iter().sum::<usize>() > 0,
         "they never met: {marked}, {added:?}"
