@@ -7,6 +7,7 @@ use std::time::Duration;
 use jiff::SignedDuration;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+
 use sqlx::postgres::PgRow;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Decode, Postgres, Row, Sqlite, Type};
@@ -14,8 +15,8 @@ use sqlx::{Decode, Postgres, Row, Sqlite, Type};
 use crate::geometry::Pose2;
 use crate::grid::{Lattice, StateCounts};
 use crate::model::{
-    ApiKey, Author, BlobKey, Constraint, Job, JobId, JobState, MapRecord, NewMap, Note, ResultText, Scope, Session,
-    SessionId, SessionSettings, Timestamp, Version, VersionInput,
+    ApiKey, Author, BlobKey, Constraint, Job, JobId, JobState, MapRecord, MergeRequest, MethodSpec, NewMap, Note,
+    ResultText, Scope, Session, SessionId, SessionSettings, Timestamp, Version, VersionInput,
 };
 use crate::store::{BlobMark, Lease, StoreError};
 
@@ -27,13 +28,29 @@ pub(super) fn session(row: &impl StoredRow) -> Result<Session, StoreError> {
             labels: json(row, "labels")?,
             anchor: optional_parsed(row, "anchor")?,
             auto_merge: value(row, "auto_merge")?,
-            method: json(row, "method")?,
+            method: method(row)?,
             resolution: optional(row, "resolution", crate::model::Resolution::parse)?,
             keep_versions: optional(row, "keep_versions", |keep: u32| NonZeroU32::try_from(keep))?,
         },
         created_at: time(row, "created_at")?,
         updated_at: time(row, "updated_at")?,
     })
+}
+
+/// Whichever release wrote it.
+fn method(row: &impl StoredRow) -> Result<MethodSpec, StoreError> {
+    let mut record: serde_json::Value = json(row, "method")?;
+    MethodSpec::renew(&mut record);
+    serde_json::from_value(record).map_err(|error| damaged("method", error))
+}
+
+/// Whichever release wrote it.
+fn request(row: &impl StoredRow) -> Result<MergeRequest, StoreError> {
+    let mut record: serde_json::Value = json(row, "request")?;
+    if let Some(method) = record.get_mut("method") {
+        MethodSpec::renew(method);
+    }
+    serde_json::from_value(record).map_err(|error| damaged("request", error))
 }
 
 pub(super) fn map(row: &impl StoredRow) -> Result<MapRecord, StoreError> {
@@ -78,7 +95,7 @@ pub(super) fn job(row: &impl StoredRow) -> Result<Job, StoreError> {
         id: parsed(row, "id")?,
         session: parsed(row, "session")?,
         kind: word(row, "kind")?,
-        request: json(row, "request")?,
+        request: request(row)?,
         state: word(row, "state")?,
         attempt: value(row, "attempt")?,
         max_attempts: value(row, "max_attempts")?,

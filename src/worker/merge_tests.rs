@@ -6,7 +6,7 @@ use tempfile::TempDir;
 use tokio_util::sync::CancellationToken;
 
 use super::*;
-use crate::api::{Basis, Timings};
+use crate::api::{Basis, PairOutcome, Timings};
 use crate::clock::{Clock, Ids, SystemClock, SystemIds};
 use crate::geometry::{Angle, Pose2};
 use crate::grid::{Lattice, LogOdds, OccupancyGrid};
@@ -259,9 +259,13 @@ async fn no_method_publishes_a_robot_below_its_threshold_unless_it_is_asked_to()
     // frames that nearly coincide: `hough-peaks` looks no farther
     let left = part_of_floor(0, 290, Pose2::new(-1.0, -2.0, Angle::ZERO));
     let mut right = part_of_floor(100, 400, Pose2::new(4.1, -1.9, Angle::from_degrees(3.0)));
-    // what was free for one robot is occupied for the other: no pose makes all cells agree
-    for row in 175..235 {
-        for column in 30..65 {
+    // the second part begins 100 cells of 0.05 m along the floor
+    let of_floor = |x| Pose2::new(x, 0.0, Angle::ZERO);
+    let truth =
+        Pose2::new(-1.0, -2.0, Angle::ZERO) * of_floor(5.0) * Pose2::new(4.1, -1.9, Angle::from_degrees(3.0)).inverse();
+    // a box that only one robot met: no pose makes all cells agree
+    for row in 175..185 {
+        for column in 30..40 {
             let index = right.lattice().index(column, row);
             right.cells_mut()[index] = LogOdds::OCCUPIED;
         }
@@ -269,7 +273,7 @@ async fn no_method_publishes_a_robot_below_its_threshold_unless_it_is_asked_to()
     bench.push("r1", &left).await;
     bench.push("r2", &right).await;
     bench.run_all().await;
-    let mut deciding_by_it = 0;
+    let (mut deciding_by_it, mut placed_when_asked) = (0, 0);
     for name in MethodName::ALL {
         let mut published = Vec::new();
         for accept_unverified in [false, true] {
@@ -290,14 +294,26 @@ async fn no_method_publishes_a_robot_below_its_threshold_unless_it_is_asked_to()
                 .await;
             bench.run_all().await;
             let result = without_timings(&bench.latest().await);
-            published.push((result.placed(), result.method.name()));
+            assert_eq!(result.method.name(), name);
+            published.push((result.pairs[0].clone(), result.placed()));
         }
-        if published.is_empty() {
+        let [withheld, asked_for] = &published[..] else {
             continue;
-        }
+        };
         deciding_by_it += 1;
-        assert_eq!(published, [(1, name), (2, name)], "{name}");
+        assert_eq!((withheld.0.outcome, withheld.1), (PairOutcome::Rejected, 1), "{name}");
+        assert_eq!(asked_for.0.outcome, PairOutcome::Accepted, "{name}");
+        // The weld still refuses what walls in free space speak against: methods that are asked for an answer at any price
+        // lay this pair wrongly.
+        let off = (asked_for.0.pose.and_then(|pose| pose.to_pose2())).map(|pose| {
+            let between = truth.inverse() * pose;
+            between.x().hypot(between.y())
+        });
+        let right = off.expect("accepted with a pose") < 0.5;
+        assert_eq!(asked_for.1, if right { 2 } else { 1 }, "{name}: {off:?} m off");
+        placed_when_asked += usize::from(right);
     }
+    assert!(placed_when_asked > 0, "no method shows that asking makes a difference");
     assert_eq!(deciding_by_it, MethodName::ALL.len() - 1);
 }
 

@@ -23,6 +23,7 @@ pub struct MergeResult {
     /// The version of mapweld that found it.
     pub mapweld: String,
     /// How the maps were registered.
+    #[serde(deserialize_with = "MethodSpec::deserialize_record")]
     pub method: MethodSpec,
     /// The map whose frame everything is told in.
     pub anchor: String,

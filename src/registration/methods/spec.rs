@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 use utoipa::openapi::{RefOr, Schema};
 use utoipa::{PartialSchema, ToSchema};
@@ -120,6 +121,33 @@ impl MethodSpec {
         Ok(Self { choice })
     }
 
+    /// Brings what an earlier release wrote down of a method up to date, in place. Only for records: callers are told of
+    /// parameters that do not exist.
+    ///
+    /// Release 0.1.0 decided by three rules of thumb, whose bounds (`decision.plain` and others) mean nothing to the
+    /// probability that has replaced them: its decision takes the defaults of today.
+    pub fn renew(record: &mut Value) {
+        let Some(parameters) = record.get_mut("parameters").and_then(Value::as_object_mut) else {
+            return;
+        };
+        if parameters
+            .get("decision")
+            .is_some_and(|decision| decision.get("plain").is_some())
+        {
+            parameters.remove("decision");
+        }
+    }
+
+    /// Reads a record, whichever release wrote it.
+    ///
+    /// # Errors
+    /// When it is no method.
+    pub fn deserialize_record<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut record = Value::deserialize(deserializer)?;
+        Self::renew(&mut record);
+        Self::deserialize(record).map_err(D::Error::custom)
+    }
+
     /// The method of this name with all parameters at their defaults.
     ///
     /// # Panics
@@ -217,6 +245,17 @@ mod tests {
             let text = serde_json::to_string(&spec).expect("a spec serialises");
             assert_eq!(serde_json::from_str::<MethodSpec>(&text).expect("and parses"), spec);
         }
+    }
+
+    #[test]
+    fn what_an_earlier_release_wrote_down_is_read_and_callers_are_still_refused() {
+        let old = json!({"name": "hough", "parameters": {"rotations": 7, "decision": {"plain": {"score_min": 30.0}}}});
+        assert!(serde_json::from_value::<MethodSpec>(old.clone()).is_err());
+        let spec = MethodSpec::deserialize_record(old).expect("a record");
+        let asked = MethodSpec::new(MethodName::Hough, Some(json!({"rotations": 7})));
+        assert_eq!(Ok(spec.clone()), asked);
+        let now = serde_json::to_value(&spec).expect("serialises");
+        assert_eq!(MethodSpec::deserialize_record(now).expect("a record"), spec);
     }
 
     #[test]
