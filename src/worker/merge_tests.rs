@@ -305,7 +305,7 @@ async fn no_method_publishes_a_robot_below_its_threshold_unless_it_is_asked_to()
         assert_eq!(asked_for.0.outcome, PairOutcome::Accepted, "{name}");
         // The weld still refuses what walls in free space speak against: methods that are asked for an answer at any price
         // lay this pair wrongly.
-        let off = (asked_for.0.pose.and_then(|pose| pose.to_pose2())).map(|pose| {
+        let off = (asked_for.0.pose.and_then(crate::api::Pose::to_pose2)).map(|pose| {
             let between = truth.inverse() * pose;
             between.x().hypot(between.y())
         });
