@@ -17,6 +17,8 @@ pub enum Point {
     BeforeCommit,
     /// A map is committed; nobody has been told.
     AfterCommit,
+    /// A change that its caller has named is committed; its answer is not kept.
+    BeforeAnswer,
     /// A worker has loaded the maps of a job and is about to weld them.
     MidMerge,
     /// What a merge made is kept as blobs; the version is not written.
@@ -29,10 +31,11 @@ pub enum Point {
 
 impl Point {
     /// All of them, in the order of a map's life.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::AfterBlob,
         Self::BeforeCommit,
         Self::AfterCommit,
+        Self::BeforeAnswer,
         Self::MidMerge,
         Self::BeforePublish,
         Self::BeforePublishCommit,
@@ -46,6 +49,7 @@ impl Point {
             Self::AfterBlob => "after_blob",
             Self::BeforeCommit => "before_commit",
             Self::AfterCommit => "after_commit",
+            Self::BeforeAnswer => "before_answer",
             Self::MidMerge => "mid_merge",
             Self::BeforePublish => "before_publish",
             Self::BeforePublishCommit => "before_publish_commit",

@@ -164,6 +164,8 @@ problem_codes! {
     Conflict = 409, "The request conflicts with the present state";
     /// The session exists with other settings.
     SessionExists = 409, "The session exists with other settings";
+    /// A request with this `Idempotency-Key` is being answered right now; `Retry-After` says when to ask again.
+    IdempotencyKeyInUse = 409, "A request with this Idempotency-Key is under way";
     /// The body has more bytes than the server takes.
     BodyTooLarge = 413, "The body is too large";
     /// The map has more cells than the server takes.
@@ -174,6 +176,8 @@ problem_codes! {
     RangeNotSatisfiable = 416, "The range lies outside of the file";
     /// A value is not allowed.
     InvalidRequest = 422, "The request has a value that is not allowed";
+    /// The `Idempotency-Key` stands for another request.
+    IdempotencyKeyReused = 422, "The Idempotency-Key stands for another request";
     /// The upload cannot be read as a map.
     InvalidMap = 422, "The map cannot be read";
     /// The queue of jobs is full; `Retry-After` says when to try again.

@@ -19,7 +19,11 @@ pub struct UpkeepConfig {
     #[arg(long, env = "MAPWELD_BLOB_GRACE", default_value = "24h", value_parser = parse_duration, value_name = "TIME")]
     pub blob_grace: Duration,
 
-    /// How often old versions, and bytes that no record names, are looked for.
+    /// How long the answer to a request with an `Idempotency-Key` is kept, and given again to one that comes with the same.
+    #[arg(long, env = "MAPWELD_KEEP_ANSWERS", default_value = "24h", value_parser = parse_duration, value_name = "TIME")]
+    pub keep_answers: Duration,
+
+    /// How often old versions and answers, and bytes that no record names, are looked for.
     #[arg(long, env = "MAPWELD_SWEEP_EVERY", default_value = "10m", value_parser = parse_duration, value_name = "TIME")]
     pub sweep_every: Duration,
 }

@@ -7,6 +7,7 @@ use serde::Deserialize;
 use utoipa::IntoParams;
 
 use super::auth::Caller;
+use super::calls::NewId;
 use super::error::ApiResult;
 use super::extract::{JsonBody, Path, Query, parsed};
 use super::list::ListQuery;
@@ -46,11 +47,12 @@ pub(super) async fn add(
     State(state): State<AppState>,
     Extension(caller): Extension<Caller>,
     Path(SessionPath { session }): Path<SessionPath>,
+    NewId(id): NewId,
     JsonBody(new): JsonBody<NewConstraint>,
 ) -> ApiResult<(StatusCode, [(HeaderName, String); 1], Json<Constraint>)> {
     let standing = state.store.get_session(&session).await?;
     let constraint = crate::model::Constraint {
-        id: ConstraintId::new(state.ids.next()),
+        id: ConstraintId::new(id),
         rule: rules::read(&state, &standing, new.rule, "rule").await?,
         session,
         author: new.author.or_else(|| caller.author()),

@@ -44,7 +44,8 @@ impl ApiError {
                 ProblemCode::QueueFull
                 | ProblemCode::RateLimited
                 | ProblemCode::Overloaded
-                | ProblemCode::StorageUnavailable => Some(Duration::from_secs(1)),
+                | ProblemCode::StorageUnavailable
+                | ProblemCode::IdempotencyKeyInUse => Some(Duration::from_secs(1)),
                 ProblemCode::ShuttingDown => Some(Duration::from_secs(5)),
                 _ => None,
             },

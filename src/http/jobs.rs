@@ -8,6 +8,7 @@ use axum::http::{HeaderName, StatusCode, header};
 use serde::Deserialize;
 use utoipa::IntoParams;
 
+use super::calls::NewId;
 use super::error::{ApiError, ApiResult};
 use super::extract::{JsonBody, Path, Query, parsed};
 use super::list::ListQuery;
@@ -62,14 +63,14 @@ const WAIT_MAX_SECONDS: f64 = 60.0;
 pub(super) async fn merge(
     State(state): State<AppState>,
     Path(SessionPath { session }): Path<SessionPath>,
+    NewId(id): NewId,
     JsonBody(new): JsonBody<NewMerge>,
 ) -> ApiResult<(StatusCode, [(HeaderName, String); 2], Json<Job>)> {
     let standing = state.store.get_session(&session).await?;
     let request = rules::read_merge(&state, &standing, new).await?;
-    let id = JobId::new(state.ids.next());
     let job = state
         .store
-        .enqueue_merge(&session, id, request, state.clock.now())
+        .enqueue_merge(&session, JobId::new(id), request, state.clock.now())
         .await?;
     let headers = [
         (header::LOCATION, format!("/v1/jobs/{}", job.id)),

@@ -6,6 +6,7 @@
 
 mod artifact;
 mod auth;
+mod calls;
 mod constraints;
 mod docs;
 mod error;
@@ -94,6 +95,7 @@ pub fn app(state: AppState) -> Router {
     let routed = api
         .merge(docs::routes(openapi()))
         .merge(page::routes())
+        .layer(from_fn_with_state(state.clone(), calls::once))
         .layer(from_fn_with_state(state.clone(), auth::authorise))
         .layer(CatchPanicLayer::custom(middleware::panicked))
         .layer(from_fn(middleware::secure))

@@ -2,13 +2,17 @@
 
 use serde_json::Value;
 use utoipa::OpenApi;
-use utoipa::openapi::path::Operation;
+use utoipa::openapi::header::HeaderBuilder;
+use utoipa::openapi::path::{Operation, ParameterBuilder, ParameterIn};
+use utoipa::openapi::schema::{ObjectBuilder, Type};
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{ContactBuilder, RefOr};
 
 use super::auth::{ANSWERS, Access};
+use super::calls::{IDEMPOTENCY_REPLAYED, can_be_named};
 use super::refusals::problem;
 use crate::api::{FieldError, Problem, ProblemCode};
+use crate::model::CallName;
 
 #[derive(OpenApi)]
 #[openapi(
@@ -54,6 +58,7 @@ pub(super) fn complete(mut document: utoipa::openapi::OpenApi) -> utoipa::openap
         for operation in operations.into_iter().flatten() {
             any_refusal(operation);
             key_needed(operation);
+            name_taken(operation);
         }
     }
     without_null_defaults(document)
@@ -101,11 +106,16 @@ fn key_needed(operation: &mut Operation) {
         return;
     }
     operation.security = Some(vec![SecurityRequirement::new(KEY, access.scopes().iter().copied())]);
-    for code in [
+    let codes = [
         ProblemCode::Unauthorized,
         ProblemCode::Forbidden,
         ProblemCode::RateLimited,
-    ] {
+    ];
+    add_refusals(operation, &codes);
+}
+
+fn add_refusals(operation: &mut Operation, codes: &[ProblemCode]) {
+    for code in codes {
         let status = code.status().to_string();
         let told = format!("`{}`: {}.", code.as_str(), code.title());
         let responses = &mut operation.responses.responses;
@@ -116,6 +126,45 @@ fn key_needed(operation: &mut Operation) {
             }
         }
     }
+}
+
+/// That a change can be named, where it can.
+fn name_taken(operation: &mut Operation) {
+    if !can_be_named(operation.operation_id.as_deref().unwrap_or_default()) {
+        return;
+    }
+    let name = ObjectBuilder::new()
+        .schema_type(Type::String)
+        .min_length(Some(1))
+        .max_length(Some(CallName::CHARS_MAX))
+        .pattern(Some("^[!-~]+$"));
+    let parameter = ParameterBuilder::new()
+        .name("Idempotency-Key")
+        .parameter_in(ParameterIn::Header)
+        .description(Some(
+            "A name of the caller's for this change, such as a UUID. The same request under the same name is answered \
+             with the first answer again, and changes nothing again; another request under it is refused. Names are \
+             each key's own and hold for a day, unless the server says otherwise.",
+        ))
+        .schema(Some(name))
+        .build();
+    operation.parameters.get_or_insert_default().push(RefOr::T(parameter));
+    for (status, response) in &mut operation.responses.responses {
+        if let (true, RefOr::T(response)) = (status.starts_with('2'), response) {
+            let told = HeaderBuilder::new()
+                .description(Some("`true` when this answer was given before to the same request"))
+                .build();
+            response
+                .headers
+                .insert(IDEMPOTENCY_REPLAYED.as_str().to_owned(), RefOr::T(told));
+        }
+    }
+    let codes = [
+        ProblemCode::BadRequest,
+        ProblemCode::IdempotencyKeyInUse,
+        ProblemCode::IdempotencyKeyReused,
+    ];
+    add_refusals(operation, &codes);
 }
 
 fn any_refusal(operation: &mut Operation) {

@@ -7,6 +7,7 @@ use axum::http::{HeaderName, StatusCode, header};
 use serde::Deserialize;
 use utoipa::IntoParams;
 
+use super::calls::NewId;
 use super::error::{ApiError, ApiResult};
 use super::extract::{JsonBody, Path, Query, parse_query, take_repeated};
 use super::list::ListQuery;
@@ -14,7 +15,7 @@ use super::refusals::{BadBody, BadList, BadPatch, InSession, SessionClash, Sessi
 use super::state::AppState;
 use crate::api::{Page, Robot, Session};
 use crate::model::{LabelFilter, RobotId, SessionId, SessionPatch, SessionSettings};
-use crate::store::Created;
+use crate::store::{Created, StoreError};
 
 /// The session of a path.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -41,11 +42,16 @@ type Made = (StatusCode, [(HeaderName, String); 1], Json<Session>);
 )]
 pub(super) async fn create(
     State(state): State<AppState>,
+    NewId(id): NewId,
     JsonBody(settings): JsonBody<SessionSettings>,
 ) -> ApiResult<Made> {
-    let id = SessionId::parse(&state.ids.next().to_string())?;
-    let created = state.store.create_session(&id, &settings, state.clock.now()).await?;
-    Ok(made(created))
+    let id = SessionId::parse(&id.to_string())?;
+    let value = match state.store.create_session(&id, &settings, state.clock.now()).await {
+        // an earlier attempt of this request has made it, and somebody has changed it since
+        Err(StoreError::SessionExists(_)) => state.store.get_session(&id).await?,
+        made => made?.value,
+    };
+    Ok(made(Created { value, created: true }))
 }
 
 /// Make a session of this name

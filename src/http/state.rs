@@ -63,6 +63,8 @@ pub(super) struct HttpLimits {
     pub(super) maps: usize,
     /// Longest time of a one-shot merge.
     pub(super) merge_time: Duration,
+    /// How long the answers to named requests are kept.
+    pub(super) keep_answers: Duration,
 }
 
 /// The rooms that a server is made of.
@@ -102,6 +104,7 @@ impl AppState {
                 codec: config.limits.codec(),
                 maps: config.limits.max_maps,
                 merge_time: config.work.job_deadline,
+                keep_answers: config.upkeep.keep_answers,
             },
             auto_create: !config.no_auto_create,
             requests: Bound::new("requests", config.limits.max_requests),

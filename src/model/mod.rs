@@ -3,6 +3,7 @@
 //! Imports `geometry`, `grid` and `registration`. Pure types: what they mean and which values are allowed; how they are
 //! kept is the business of `store`, how they look on the wire that of `api`.
 
+mod call;
 mod constraint;
 mod digest;
 mod id;
@@ -15,6 +16,7 @@ mod steering;
 mod text;
 mod version;
 
+pub use call::CallName;
 pub use constraint::{Apart, Constraint, Fixed, Guess, Hypothesis, Rule};
 pub use digest::{BlobKey, Digest};
 pub use id::{ConstraintId, JobId, KeyId, MapId, RobotId, SessionId, VersionNumber};

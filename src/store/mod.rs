@@ -15,6 +15,7 @@
 
 mod blob_list;
 mod blobs;
+mod calls;
 mod error;
 mod keys;
 mod postgres;
@@ -27,6 +28,7 @@ use std::time::Duration;
 
 pub use blob_list::Kept;
 pub use blobs::Blobs;
+pub use calls::{Attempt, Begun, Call, CallEnd, CallStore, KeptAnswer, KeptHeader};
 pub use error::{Missing, QueueScope, StoreError};
 pub use keys::KeyStore;
 pub use postgres::PostgresStore;
@@ -46,7 +48,7 @@ use crate::model::{
 /// Where records and the queue are kept. Every back end passes the same contract suite
 /// (`tests/service/store_contract.rs`).
 #[async_trait]
-pub trait Store: KeyStore + Upkeep {
+pub trait Store: KeyStore + CallStore + Upkeep {
     // Sessions
 
     /// Makes a session. When it is there already with the settings that are asked for, it is answered as it stands.
@@ -104,7 +106,7 @@ pub trait Store: KeyStore + Upkeep {
 
     // Jobs, for those who ask
 
-    /// Asks for a merge now.
+    /// Asks for a merge now. When the job of this id is there already, it is answered as it stands.
     ///
     /// # Errors
     /// [`StoreError::QueueFull`].
@@ -185,7 +187,8 @@ pub trait Store: KeyStore + Upkeep {
 
     // Constraints
 
-    /// Keeps a rule for all merges of its session from now on.
+    /// Keeps a rule for all merges of its session from now on. When the constraint of this id is there already, it is
+    /// answered as it stands.
     ///
     /// # Errors
     /// [`StoreError::Clash`] when it cannot hold together with those that stand, [`StoreError::TooManyConstraints`].

@@ -18,7 +18,8 @@ use crate::model::{
     ApiKey, Author, BlobKey, Constraint, Job, JobId, JobState, MapRecord, MergeRequest, MethodSpec, NewMap, Note,
     ResultText, Scope, Session, SessionId, SessionSettings, Timestamp, Version, VersionInput,
 };
-use crate::store::{BlobMark, Lease, StoreError};
+use crate::store::calls::KeptCall;
+use crate::store::{BlobMark, KeptAnswer, Lease, StoreError};
 
 pub(super) fn session(row: &impl StoredRow) -> Result<Session, StoreError> {
     Ok(Session {
@@ -175,6 +176,26 @@ pub(super) fn blob_mark(row: &impl StoredRow) -> Result<BlobMark, StoreError> {
     })
 }
 
+pub(super) fn call(row: &impl StoredRow) -> Result<KeptCall, StoreError> {
+    let status = optional(row, "status", |status: u32| u16::try_from(status))?;
+    let answer = status.map(|status| {
+        Ok::<_, StoreError>(KeptAnswer {
+            status,
+            headers: json(row, "headers")?,
+            body: value(row, "body")?,
+        })
+    });
+    Ok(KeptCall {
+        target: value(row, "target")?,
+        digest: parsed(row, "digest")?,
+        makes: parsed(row, "makes")?,
+        token: value(row, "token")?,
+        lease_until: time(row, "lease_until")?,
+        expires_at: time(row, "expires_at")?,
+        answer: answer.transpose()?,
+    })
+}
+
 /// A column of how many are kept.
 pub(super) fn keep(row: &impl StoredRow, column: &'static str) -> Result<NonZeroU32, StoreError> {
     convert(value::<u32>(row, column)?, column, NonZeroU32::try_from)
@@ -212,7 +233,12 @@ pub(super) fn cells(count: usize) -> i64 {
 
 /// A lease's token as a column.
 pub(super) fn token(lease: &Lease) -> i64 {
-    i64::try_from(lease.token).expect("invariant: tokens count claims")
+    count(lease.token)
+}
+
+/// A count of claims or attempts as a column.
+pub(super) fn count(count: u64) -> i64 {
+    i64::try_from(count).expect("invariant: nobody counts that far")
 }
 
 /// The microsecond after a pause.

@@ -41,6 +41,8 @@ pub struct Swept {
     pub blobs: u64,
     /// Their size.
     pub bytes: u64,
+    /// Answers to named requests that were forgotten.
+    pub answers: u64,
 }
 
 /// Blobs that are marked together.
@@ -59,8 +61,8 @@ impl Sweeper {
                 () = stop.cancelled() => return,
                 swept = self.sweep() => match swept {
                     Ok(swept) if swept == Swept::default() => {}
-                    Ok(Swept { pruned: Pruned { versions, maps }, blobs, bytes }) => {
-                        info!(versions, maps, blobs, bytes, "swept");
+                    Ok(Swept { pruned: Pruned { versions, maps }, blobs, bytes, answers }) => {
+                        info!(versions, maps, blobs, bytes, answers, "swept");
                     }
                     Err(error) => warn!(%error, "not swept"),
                 },
@@ -81,7 +83,13 @@ impl Sweeper {
         let (blobs, bytes) = self.remove_unneeded().await?;
         let old = self.clock.now().checked_sub(MARK_MEMORY).unwrap_or(Timestamp::MIN);
         self.store.forget_marks(old).await?;
-        Ok(Swept { pruned, blobs, bytes })
+        let answers = self.store.forget_calls(self.clock.now()).await?;
+        Ok(Swept {
+            pruned,
+            blobs,
+            bytes,
+            answers,
+        })
     }
 
     async fn remove_unneeded(&self) -> Result<(u64, u64), StoreError> {

@@ -119,8 +119,8 @@ impl Access {
 
 /// An operation, as requests meet it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Route {
-    pub(super) operation: &'static str,
+pub(in crate::http) struct Route {
+    pub(in crate::http) operation: &'static str,
     pub(super) access: Access,
 }
 

@@ -17,7 +17,7 @@ use axum::http::request::Parts;
 use axum::middleware::Next;
 use axum::response::{IntoResponse as _, Response};
 
-pub(super) use access::{ANSWERS, Access, Answers};
+pub(super) use access::{ANSWERS, Access, Answers, Route};
 pub(super) use audit::Peer;
 pub(super) use caller::Caller;
 pub(super) use rate::RateLimit;
@@ -25,7 +25,7 @@ pub(super) use rate::RateLimit;
 use super::error::{ApiError, ApiResult};
 use super::state::AppState;
 use crate::api::{FieldError, ProblemCode};
-use access::{Answer, Route};
+use access::Answer;
 use audit::Audit;
 
 /// What decides about a request before its handler does.
@@ -81,6 +81,7 @@ pub(super) async fn authorise(State(state): State<AppState>, request: Request, n
     let answer = match enter(&state, route, &mut parts, audit.as_mut()).await {
         Ok(caller) => {
             parts.extensions.insert(caller);
+            parts.extensions.insert(route);
             next.run(Request::from_parts(parts, body)).await
         }
         Err(refusal) => refusal.into_response(),

@@ -1,5 +1,6 @@
 //! Bodies, read whole, within their limits of size and time.
 
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use axum::body::Body;
@@ -31,9 +32,19 @@ pub(in crate::http) struct UploadBody {
 impl FromRequest<AppState> for UploadBody {
     type Rejection = ApiError;
 
-    async fn from_request(request: Request, state: &AppState) -> ApiResult<Self> {
-        let content_type = request
-            .headers()
+    async fn from_request(mut request: Request, state: &AppState) -> ApiResult<Self> {
+        if let Some(read) = request.extensions_mut().remove::<ReadUpload>() {
+            return read.take();
+        }
+        let (parts, body) = request.into_parts();
+        Self::read(&parts.headers, body, state).await
+    }
+}
+
+impl UploadBody {
+    /// Reads the body of a request with these headers.
+    pub(in crate::http) async fn read(headers: &HeaderMap, body: Body, state: &AppState) -> ApiResult<Self> {
+        let content_type = headers
             .get(header::CONTENT_TYPE)
             .and_then(|value| value.to_str().ok())
             .unwrap_or_default()
@@ -42,20 +53,37 @@ impl FromRequest<AppState> for UploadBody {
             bytes: state.limits.body_bytes,
             time: state.limits.body_time,
         };
-        refuse_by_length(request.headers(), limits.bytes)?;
-        let digests = ToldDigests::of(request.headers())?;
+        refuse_by_length(headers, limits.bytes)?;
+        let digests = ToldDigests::of(headers)?;
         let place = state
             .uploads
             .clone()
             .try_acquire_owned()
             .map_err(|_| ApiError::new(ProblemCode::Overloaded, "too many uploads at one time; try again"))?;
-        let bytes = read_body(request.into_body(), limits).await?;
+        let bytes = read_body(body, limits).await?;
         digests.check(&bytes).await?;
         Ok(Self {
             content_type,
             bytes,
             place,
         })
+    }
+}
+
+/// An upload that was read before its handler's turn came: in the extensions of its request.
+#[derive(Clone)]
+pub(in crate::http) struct ReadUpload(Arc<Mutex<Option<UploadBody>>>);
+
+impl ReadUpload {
+    pub(in crate::http) fn new(upload: UploadBody) -> Self {
+        Self(Arc::new(Mutex::new(Some(upload))))
+    }
+
+    fn take(self) -> ApiResult<UploadBody> {
+        let mut upload = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        upload
+            .take()
+            .ok_or_else(|| ApiError::internal("an upload is taken twice"))
     }
 }
 

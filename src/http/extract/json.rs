@@ -1,7 +1,9 @@
 //! JSON bodies.
 
+use axum::body::Body;
 use axum::extract::{FromRequest, Request};
-use axum::http::header;
+use axum::http::{HeaderMap, header};
+use bytes::Bytes;
 use serde::de::DeserializeOwned;
 
 use super::body::{BodyLimits, media_type, read_body, refuse_by_length};
@@ -20,18 +22,12 @@ impl<T: DeserializeOwned> FromRequest<AppState> for JsonBody<T> {
     type Rejection = ApiError;
 
     async fn from_request(request: Request, state: &AppState) -> ApiResult<Self> {
-        let limits = BodyLimits {
-            bytes: state.limits.body_bytes.min(JSON_BYTES_MAX),
-            time: state.limits.body_time,
-        };
-        refuse_by_length(request.headers(), limits.bytes)?;
-        let digests = ToldDigests::of(request.headers())?;
         let content_type = request
             .headers()
             .get(header::CONTENT_TYPE)
             .map(|value| value.to_str().unwrap_or_default().to_owned());
-        let bytes = read_body(request.into_body(), limits).await?;
-        digests.check(&bytes).await?;
+        let (parts, body) = request.into_parts();
+        let bytes = read_json(&parts.headers, body, state).await?;
         if bytes.is_empty() {
             return parse_json(b"{}").map(Self);
         }
@@ -40,6 +36,19 @@ impl<T: DeserializeOwned> FromRequest<AppState> for JsonBody<T> {
             other => Err(unsupported(other.as_deref(), "application/json")),
         }
     }
+}
+
+/// The bytes of a JSON body that is no map, of a request with these headers.
+pub(in crate::http) async fn read_json(headers: &HeaderMap, body: Body, state: &AppState) -> ApiResult<Bytes> {
+    let limits = BodyLimits {
+        bytes: state.limits.body_bytes.min(JSON_BYTES_MAX),
+        time: state.limits.body_time,
+    };
+    refuse_by_length(headers, limits.bytes)?;
+    let digests = ToldDigests::of(headers)?;
+    let bytes = read_body(body, limits).await?;
+    digests.check(&bytes).await?;
+    Ok(bytes)
 }
 
 fn is_json(content_type: &str) -> bool {

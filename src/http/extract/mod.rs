@@ -7,8 +7,8 @@ mod json;
 mod multipart;
 mod params;
 
-pub(super) use body::{UploadBody, media_type};
+pub(super) use body::{ReadUpload, UploadBody, media_type};
 pub(super) use digest::{CONTENT_DIGEST, REPR_DIGEST};
-pub(super) use json::{JsonBody, unsupported};
+pub(super) use json::{JsonBody, read_json, unsupported};
 pub(super) use multipart::{Part, read_parts};
 pub(super) use params::{Path, Query, parse_query, parsed, take_repeated};

@@ -7,9 +7,12 @@ use super::{Failed, sessions};
 use crate::model::{Author, Constraint, ConstraintId, Note, Rule, SessionId, Steering};
 use crate::store::{Missing, Page, StoreError};
 
-pub(super) async fn add(db: &mut PgConnection, constraint: &Constraint) -> Result<(), StoreError> {
+pub(super) async fn add(db: &mut PgConnection, constraint: &Constraint) -> Result<Constraint, StoreError> {
     sessions::held(db, &constraint.session).await?;
     let standing = list(db, &constraint.session, &Page::first(Constraint::COUNT_MAX)).await?;
+    if let Some(there) = standing.iter().find(|standing| standing.id == constraint.id) {
+        return Ok(there.clone());
+    }
     if standing.len() >= Constraint::COUNT_MAX as usize {
         return Err(StoreError::TooManyConstraints {
             session: constraint.session.clone(),
@@ -30,7 +33,7 @@ pub(super) async fn add(db: &mut PgConnection, constraint: &Constraint) -> Resul
     .execute(db)
     .await
     .failed()?;
-    Ok(())
+    Ok(constraint.clone())
 }
 
 pub(super) async fn list(

@@ -55,7 +55,10 @@ pub(super) async fn enqueue_merge(
     now: Timestamp,
 ) -> Result<Job, StoreError> {
     sessions::held(db, session).await?;
-    insert(db, session, id, request, None, limits, now).await
+    match get(db, id).await {
+        Err(StoreError::NotFound(_)) => insert(db, session, id, request, None, limits, now).await,
+        there => there,
+    }
 }
 
 async fn insert(

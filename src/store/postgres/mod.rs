@@ -4,6 +4,7 @@
 //! session come one after the other and nobody waits in a circle; claims skip what others hold. Changes are told to all
 //! replicas by NOTIFY, in the transaction that makes them.
 
+mod calls;
 mod constraints;
 mod jobs;
 mod keys;
@@ -407,7 +408,7 @@ impl Store for PostgresStore {
     async fn add_constraint(&self, constraint: Constraint) -> Result<Constraint, StoreError> {
         self.within(async {
             let mut tx = self.begin().await?;
-            constraints::add(&mut tx, &constraint).await?;
+            let constraint = constraints::add(&mut tx, &constraint).await?;
             commit(tx, &[Change::Session(constraint.session.clone())]).await?;
             Ok(constraint)
         })

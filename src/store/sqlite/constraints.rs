@@ -7,8 +7,11 @@ use super::{Failed, sessions};
 use crate::model::{Author, Constraint, ConstraintId, Note, Rule, SessionId, Steering};
 use crate::store::{Missing, Page, StoreError};
 
-pub(super) async fn add(db: &mut SqliteConnection, constraint: &Constraint) -> Result<(), StoreError> {
+pub(super) async fn add(db: &mut SqliteConnection, constraint: &Constraint) -> Result<Constraint, StoreError> {
     let standing = list(db, &constraint.session, &Page::first(Constraint::COUNT_MAX)).await?;
+    if let Some(there) = standing.iter().find(|standing| standing.id == constraint.id) {
+        return Ok(there.clone());
+    }
     if standing.len() >= Constraint::COUNT_MAX as usize {
         return Err(StoreError::TooManyConstraints {
             session: constraint.session.clone(),
@@ -29,7 +32,7 @@ pub(super) async fn add(db: &mut SqliteConnection, constraint: &Constraint) -> R
     .execute(db)
     .await
     .failed()?;
-    Ok(())
+    Ok(constraint.clone())
 }
 
 pub(super) async fn list(

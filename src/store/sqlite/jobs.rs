@@ -48,7 +48,10 @@ pub(super) async fn enqueue_merge(
     now: Timestamp,
 ) -> Result<Job, StoreError> {
     sessions::get(db, session).await?;
-    insert(db, session, id, request, None, limits, now).await
+    match get(db, id).await {
+        Err(StoreError::NotFound(_)) => insert(db, session, id, request, None, limits, now).await,
+        there => there,
+    }
 }
 
 async fn insert(

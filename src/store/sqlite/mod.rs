@@ -3,6 +3,7 @@
 //! WAL and `synchronous = FULL`: what was answered has been fsynced. One connection writes, and every transaction that
 //! writes begins IMMEDIATE: a read that upgrades would fail at once with `SQLITE_BUSY_SNAPSHOT`, whatever the time-out.
 
+mod calls;
 mod constraints;
 mod jobs;
 mod keys;
@@ -464,7 +465,7 @@ impl Store for SqliteStore {
 
     async fn add_constraint(&self, constraint: Constraint) -> Result<Constraint, StoreError> {
         let mut tx = self.begin().await?;
-        constraints::add(&mut tx, &constraint).await?;
+        let constraint = constraints::add(&mut tx, &constraint).await?;
         tx.commit().await.failed()?;
         self.announce(Change::Session(constraint.session.clone()));
         Ok(constraint)

@@ -38,12 +38,12 @@ struct Targets {
     constraint: String,
 }
 
-fn robots(session: &str, robot: &str) -> Scope {
+pub(super) fn robots(session: &str, robot: &str) -> Scope {
     let (session, robot) = (session.parse().ok(), robot.parse().ok());
     Scope::parse("robot", session, robot).expect("a robot")
 }
 
-async fn keep(store: &SqliteStore, scope: Scope, change: impl FnOnce(&mut ApiKey)) -> ShownKey {
+pub(super) async fn keep(store: &SqliteStore, scope: Scope, change: impl FnOnce(&mut ApiKey)) -> ShownKey {
     let (shown, mut key) = new_key(scope, Timestamp::UNIX_EPOCH);
     change(&mut key);
     store.add_key(&key).await.expect("is kept");

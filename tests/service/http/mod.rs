@@ -11,6 +11,7 @@ mod keys_command;
 mod lifecycle;
 mod load;
 mod merge_command;
+mod named;
 mod one_shot;
 mod pages;
 mod push_command;

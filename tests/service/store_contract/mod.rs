@@ -2,6 +2,7 @@
 //!
 //! The stores of this suite hold [`LIMITS`].
 
+mod calls;
 mod constraints;
 mod endings;
 mod keys;
@@ -17,6 +18,7 @@ use std::time::Duration;
 
 use mapweld::store::{QueueLimits, Store};
 
+pub(crate) use calls::*;
 pub(crate) use constraints::*;
 pub(crate) use endings::*;
 pub(crate) use keys::*;
@@ -89,6 +91,14 @@ macro_rules! contract {
             keys_are_listed_oldest_first_page_after_page,
             a_revoked_key_is_kept_and_stays_revoked_since_the_first_time,
             a_store_has_keys_from_the_first_one_on_also_when_all_are_revoked,
+            a_named_change_takes_effect_once_and_its_answer_is_given_again,
+            a_name_stands_for_one_request_while_it_is_under_way_and_after,
+            names_are_each_owners_own,
+            an_attempt_that_was_lost_is_followed_by_one_that_makes_the_same,
+            a_refused_change_gives_its_name_back_and_an_unsure_one_keeps_its_id,
+            a_name_is_free_again_when_it_has_expired_swept_or_not,
+            of_many_that_come_at_once_under_one_name_one_takes_effect,
+            a_job_or_a_constraint_that_is_made_again_is_the_one_that_is_there,
             jobs_are_listed_newest_first,
             the_depth_of_the_queue_counts_waiting_and_running_jobs,
             a_constraint_stands_until_it_is_removed,

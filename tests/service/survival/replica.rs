@@ -198,7 +198,10 @@ pub(super) fn is_storage(status: StatusCode, problem: &Problem) -> bool {
 pub(super) async fn push(client: &Client, url: &str, session: &str, robot: &str, seed: u32) -> Answer<Pushed> {
     let form = Files::of("m", &scrap(seed)).form();
     let url = format!("{url}/v1/sessions/{session}/robots/{robot}/maps");
-    ask(client.post(url).multipart(form)).await
+    let named = client
+        .post(url)
+        .header("idempotency-key", format!("{session}-{robot}-{seed}"));
+    ask(named.multipart(form)).await
 }
 
 /// Asks for a merge.
