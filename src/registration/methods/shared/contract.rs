@@ -161,3 +161,77 @@ pub(crate) fn assert_nothing_below_the_threshold(method: impl Fn(f64, bool) -> B
     assert_eq!(accepted.evidence.verification_index, Some(verification_index));
     assert_eq!(accepted.pose_fixed_moving, rejection.candidates[0].pose_fixed_moving);
 }
+
+/// The tests that a method passes whose promises are those of this file, by one name in each method's tests: which method
+/// with which parameters, how near to the truth it comes on full overlap, and one parameter with its greatest value.
+macro_rules! keeps_the_contract {
+    ($method:ident of $params:ident, within $tolerance_m:literal m, refuses $field:ident above $limit:literal) => {
+        fn default_method() -> $method {
+            $method::new($params::default()).expect("defaults")
+        }
+
+        #[test]
+        fn maps_of_one_place_are_found_at_small_rotations() {
+            for (x, y, degrees) in [(0.4, -0.3, 0.0), (1.5, 2.0, 3.4), (-4.0, 1.2, -8.6)] {
+                contract::assert_finds(
+                    &default_method(),
+                    &Trial::full_overlap(x, y, degrees),
+                    $tolerance_m,
+                );
+            }
+        }
+
+        #[test]
+        fn maps_of_one_place_are_found_at_large_rotations_wherever_their_frames_lie() {
+            for (x, y, degrees) in [
+                (60.0, -35.0, 41.7),
+                (-12.0, 9.0, 93.2),
+                (3.0, 250.0, -137.0),
+                (7.0, 7.0, 178.8),
+            ] {
+                contract::assert_finds(
+                    &default_method(),
+                    &Trial::full_overlap(x, y, degrees),
+                    $tolerance_m,
+                );
+            }
+        }
+
+        #[test]
+        fn maps_without_walls_are_refused() {
+            contract::assert_refuses_maps_without_walls(&default_method());
+        }
+
+        #[test]
+        fn nothing_below_the_threshold_is_accepted_unless_the_caller_asks() {
+            contract::assert_nothing_below_the_threshold(|verification_threshold, accept_unverified| {
+                let params = $params {
+                    verification_threshold,
+                    accept_unverified,
+                    ..$params::default()
+                };
+                Box::new($method::new(params).expect("in range"))
+            });
+        }
+
+        #[test]
+        fn the_answer_is_the_same_on_any_number_of_threads_and_inverse_for_the_inverse_pair() {
+            let trial = Trial::full_overlap(5.0, -3.0, 64.0);
+            contract::assert_deterministic(&default_method(), &trial);
+            contract::assert_inverse_pair_has_the_inverse_answer(&default_method(), &trial);
+        }
+
+        #[test]
+        fn a_parameter_out_of_range_is_refused_by_name_value_and_limit() {
+            assert_eq!($params::default().validate(), Ok(()));
+            let bad = $params {
+                $field: 7.5,
+                ..$params::default()
+            };
+            let message = bad.validate().expect_err("out of range").to_string();
+            let told = [stringify!($field), "7.5", stringify!($limit)];
+            assert!(told.iter().all(|words| message.contains(words)), "{message}");
+        }
+    };
+}
+pub(crate) use keeps_the_contract;
