@@ -195,6 +195,7 @@ fn walk(smaller: &StateMap, larger: &StateMap, pose_larger_smaller: Pose2) -> Co
                     .cell_of([u0 + du * x - dv * y, v0 + dv * x + du * y])
                     .map_or(CellState::Unknown, |(i, j)| larger.at(i, j));
                 agreeing += u64::from(here == there);
+                // Departs from eq. 33, "known in at least one map": known in both.
                 disagreeing += u64::from(here != there && there != CellState::Unknown);
             }
             (agreeing, disagreeing)

@@ -22,6 +22,7 @@ impl Prepared for Features {
 
     fn of(map: Map, params: &HoughPeaksParams) -> Self {
         let directions = Directions::half_turn_of_rotated(Angle::ZERO);
+        // Departs from eq. 1, where a line is a bin wide: a strip of `line_width_cells`.
         let image = HoughImage::new(&map.points, directions, params.line_width_cells as usize);
         Self {
             spectrum: spectrum(&image, params.spectrum),

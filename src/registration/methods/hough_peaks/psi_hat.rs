@@ -44,6 +44,7 @@ pub(super) fn psi_hat(fixed: &[Peak], moving: &[Peak], params: &HoughPeaksParams
     });
     match params.psi_hat {
         PsiHat::CircularMean => {
+            // Departs from Algorithm 1 line 11: half the circular mean of doubled differences, not a mean of tangents.
             let (sin, cos) = thetas.fold((0.0, 0.0), |(sin, cos), (a, b)| {
                 let doubled = 2.0 * (a - b);
                 (sin + doubled.sin(), cos + doubled.cos())

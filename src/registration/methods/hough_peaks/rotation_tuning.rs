@@ -38,6 +38,7 @@ pub(super) fn tuned_rotation(
         RotationTuning::Off => candidate,
         RotationTuning::PaperWindow => candidate + paper_window(candidate, points, params),
         RotationTuning::WallDirections => {
+            // Departs from lines 16 to 18: the windows are around directions of walls, not around the rotation.
             let windows = common_directions(candidate, spectra);
             candidate + wall_directions(candidate, &windows, points, params)
         }

@@ -45,11 +45,13 @@ pub(super) struct RotationCandidate {
 
 /// Chooses among the candidates (eq. 26).
 pub(super) fn choose(candidates: Vec<Angle>, psi_hat: Option<Angle>, choice: RotationChoice) -> Vec<RotationCandidate> {
+    // Departs from section 5.1: h has period 180 degrees, so each maximum is followed up with its half turn.
     let both = |rotation| RotationCandidate {
         rotation,
         half_turns: vec![false, true],
     };
     match (choice, psi_hat) {
+        // Departs from line 15, eq. 26: all candidates are followed up, and psi-hat chooses none.
         (RotationChoice::BestVerified, _) => candidates.into_iter().map(both).collect(),
         (RotationChoice::NearestToPsiHat, psi_hat) => {
             // without a psi-hat the paper has nothing to choose by: the best correlation then

@@ -48,6 +48,7 @@ pub(super) fn lines_about(peaks: impl Iterator<Item = Peak>, center_from_pivot: 
             let (sin, cos) = Directions::of_column(peak.column).sin_cos();
             Line {
                 column: peak.column,
+                // Departs from eq. 28, told about the frame's origin: about a pivot amid the fixed map's walls.
                 rho: peak.rho + center_from_pivot[0] * cos + center_from_pivot[1] * sin,
                 votes: peak.votes,
             }
@@ -75,6 +76,7 @@ pub(super) fn matched_translation(fixed: &[Line], moving: &[Line], resolution: f
         d_gate: params.d_gate,
     };
     let mut fit = least_squares(&associate(fixed, moving, near, params), resolution, params);
+    // Departs from section 4.2, one iteration: peaks are matched again around the T found before.
     for _ in 1..params.matching_rounds {
         let Some(translation) = fit.translation else { break };
         near = Near {
@@ -106,6 +108,7 @@ fn associate(fixed: &[Line], moving: &[Line], near: Near, params: &HoughPeaksPar
             .min_by(|a, b| a.0.total_cmp(&b.0))
     };
     match params.pairing {
+        // Departs from Algorithm 2 line 3, one couple a direction: every peak, as the text of section 4.2 has it.
         Pairing::EveryPeak => fixed
             .iter()
             .filter_map(nearest)
@@ -132,7 +135,8 @@ fn couple(fixed: &Line, moving: &Line, near: Near, params: &HoughPeaksParams) ->
         (columns, moving.rho)
     };
     let (sin, cos) = Directions::of_column(fixed.column).sin_cos();
-    let offset = fixed.rho - rho; // B_i of eq. 29: the fixed wall minus the rotated moving one
+    // Departs from eq. 28, whose primed map is the moved one: B_i of eq. 29 is the fixed wall minus the rotated moving one.
+    let offset = fixed.rho - rho;
     let drho = (offset - cos * near.translation[0] - sin * near.translation[1]).abs();
     let dv = (fixed.votes - moving.votes).abs();
     let within = to_f64(columns) <= params.delta_degrees && dv < params.v_gate && drho < near.d_gate; // line 6
@@ -142,6 +146,7 @@ fn couple(fixed: &Line, moving: &Line, near: Near, params: &HoughPeaksParams) ->
             offset,
             votes: fixed.votes.min(moving.votes),
         };
+        // Departs from Algorithm 2 line 3, an argmin over two differences at once: the least sum of both over their gates.
         (dv / params.v_gate + drho / near.d_gate, association)
     })
 }
@@ -175,6 +180,7 @@ fn least_squares(associations: &[Association], resolution: f64, params: &HoughPe
     }
     let (support_m, weaker_direction) = (smaller_eigenvalue(support), smaller_eigenvector(support));
     let determinant = matrix[0] * matrix[2] - matrix[1] * matrix[1];
+    // Departs from eq. 30, which is singular for parallel walls: a rank test.
     let held = support_m >= params.support_min_m && determinant > 1e-9;
     Fit {
         translation: held.then(|| {

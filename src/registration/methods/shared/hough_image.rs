@@ -110,6 +110,7 @@ impl Directions {
     /// the lines whose direction AFTER the rotation is -90 degrees + k.
     pub(crate) fn half_turn_of_rotated(rotation: Angle) -> Self {
         Self {
+            // Departs from the formula below eq. 3, whose signs are reversed: H'(theta, .) is H(theta - psi, .).
             first: -Angle::QUARTER_TURN.radians() - rotation.radians(),
             step: Angle::from_degrees(1.0).radians(),
             count: COLUMNS,
@@ -137,6 +138,7 @@ impl HoughImage {
         let bins = 2 * half;
         let mut votes = vec![0_u32; bins * directions.count];
         votes.par_chunks_mut(bins).enumerate().for_each(|(column, votes)| {
+            // Departs from property 3 (eq. 4, 5), slope and intercept: a line is its normal, which no direction escapes.
             let (sin, cos) = (directions.first + to_f64(column) * directions.step).sin_cos();
             vote(points, [cos, sin], half, votes);
             widen(votes, line_width);

@@ -74,6 +74,7 @@ fn is_peak(image: &HoughImage, column: usize, bin: usize, votes: u32, rule: &Pea
     )]
     let columns = rule.separation_degrees.floor() as usize;
     let cells = rule.separation_cells as usize;
+    // Departs from eq. 20, which leaves open what a local peak is: the greatest within a window that closes on itself.
     (0..=2 * columns).all(|step| {
         // column + step - columns, wrapped into the image; a wrapped column shows its lines with rho negated
         let unwrapped = column + COLUMNS + step - columns;

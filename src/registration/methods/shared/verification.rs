@@ -78,6 +78,7 @@ impl Rule {
         let best = best.ok_or(nothing)?;
         match best.evidence.verification_index {
             None => Err(nothing),
+            // Departs from section 4.3, which asks for V alone: a least overlap as well.
             Some(_) if best.evidence.overlap < self.overlap_min => Err(Reason::NoOverlap {
                 score: best.evidence.overlap,
                 needed: self.overlap_min,

@@ -46,6 +46,7 @@ pub(super) fn tuned_translation(fixed: &StateMap, moving: &StateMap, pose: Pose2
     let tallies = tallies(fixed, moving, pose, &window, reach);
     let objective = |tally: &Tally| match params.translation_tuning {
         TranslationTuning::Entropy => Some(-totals.entropy(tally)),
+        // Departs from eq. 32: the greatest V, not the least entropy.
         _ => totals.verification_index(tally, params),
     };
     let mut best: Option<(f64, Shift)> = None;
