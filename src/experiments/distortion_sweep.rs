@@ -2,12 +2,13 @@
 
 use rayon::prelude::*;
 
-use super::figure::{Axis, Corner, Figure, Mark, PALETTE, Panel, Series};
+use super::figure::{Axis, Figure, Mark, PALETTE, Panel, Series};
 use super::numbers::{mean, quantile, share};
 use super::outcome::{Claim, Outcome, Table, Verdict};
 use super::picture::{map_panel, merged_panel};
 use super::steps::Steps;
-use super::sweep::{Cut, Judged, contestants};
+use super::superiority::median_error_m;
+use super::sweep::{Cut, Judged, Methods, contestants, superiority};
 use super::worlds::{cluttered_map, cut, distorted};
 use super::{ExperimentError, ExperimentName, Settings};
 use crate::geometry::{Angle, Pose2};
@@ -80,7 +81,6 @@ pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome,
             for (k, (name, _)) in methods.iter().enumerate() {
                 let of = at(overlap, *alpha, k);
                 let v = indices(&of);
-                let errors: Vec<f64> = of.iter().filter_map(|judged| judged.answer.error_m).collect();
                 table.push(vec![
                     (overlap as usize).into(),
                     degrees(*alpha).degrees().into(),
@@ -91,7 +91,7 @@ pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome,
                     quantile(&v, 0.25).into(),
                     quantile(&v, 0.75).into(),
                     mean(&of.iter().map(|judged| judged.similarity).collect::<Vec<_>>()).into(),
-                    quantile(&errors, 0.5).into(),
+                    median_error_m(of.iter().map(|judged| &judged.answer)).into(),
                     share(&of, |judged| judged.answer.pose_is_right()).into(),
                     share(&of, |judged| judged.answer.is_correct()).into(),
                     share(&of, |judged| judged.answer.is_wrong()).into(),
@@ -101,7 +101,7 @@ pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome,
     }
     let chart = |title: &str, label: &str, value: &dyn Fn(&[&Judged]) -> [f64; 3]| {
         let x = Axis::new("alpha [deg/cell]", -0.004, 0.104);
-        let mut panel = Panel::new(title, x, Axis::new(label, 0.0, 105.0)).legend_at(Corner::UpperRight);
+        let mut panel = Panel::new(title, x, Axis::new(label, 0.0, 105.0));
         for (k, (name, _)) in methods.iter().enumerate() {
             for (overlap, mark) in OVERLAPS.into_iter().zip([Mark::Dashed, Mark::LineAndDots]) {
                 let values: Vec<(f64, [f64; 3])> = alphas
@@ -119,13 +119,11 @@ pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome,
     let similar = chart("Similarity to the undistorted world", "similarity [%]", &|of| {
         let values: Vec<f64> = of.iter().map(|judged| judged.similarity).collect();
         [quantile(&values, 0.25), mean(&values), quantile(&values, 0.75)]
-    })
-    .legend_at(Corner::LowerLeft);
+    });
     let verified = chart("Verification index V at the best pose", "V [%]", &|of| {
         let values = indices(of);
         [quantile(&values, 0.25), mean(&values), quantile(&values, 0.75)]
-    })
-    .legend_at(Corner::LowerRight);
+    });
     let right = chart("Poses within 0.5 m of the truth", "pairs [%]", &|of| {
         let so = share(of, |judged| judged.answer.pose_is_right());
         [f64::NAN, so, f64::NAN]
@@ -159,8 +157,6 @@ fn indices(of: &[&Judged]) -> Vec<f64> {
         .filter_map(|judged| judged.answer.verification_index)
         .collect()
 }
-
-type Methods = [(&'static str, std::sync::Arc<dyn crate::registration::Method>)];
 
 fn claims<'a>(methods: &Methods, alphas: &[u32], at: &dyn Fn(u32, u32, usize) -> Vec<&'a Judged>) -> Vec<Claim> {
     let (straight, most_bent) = (alphas[0], alphas[alphas.len() - 1]);
@@ -237,6 +233,16 @@ fn claims<'a>(methods: &Methods, alphas: &[u32], at: &dyn Fn(u32, u32, usize) ->
                 Verdict::when(wrong(methods.len() - 1) == 0)
             },
         },
+        superiority(
+            methods,
+            OVERLAPS.into_iter().flat_map(|overlap| {
+                alphas.iter().map(move |alpha| {
+                    let there = |k: usize| at(overlap, *alpha, k);
+                    let words = format!("{overlap} % of overlap, alpha {:.2}", degrees(*alpha).degrees());
+                    (words, (0..methods.len()).map(there).collect())
+                })
+            }),
+        ),
     ]
 }
 

@@ -31,8 +31,6 @@ pub struct Panel {
     pub square: bool,
     /// What is drawn, in this order.
     pub series: Vec<Series>,
-    /// Where the legend stands, when a series has a label.
-    pub legend: Corner,
 }
 
 /// An axis: its label with the unit, its ends, and its ticks if they are not just numbers.
@@ -91,21 +89,8 @@ pub enum Mark {
     Square,
     /// A cross each.
     Cross,
-    /// A bar from zero each, this many hundredths of a unit wide.
+    /// A bar along x from zero to each, this many hundredths of a row high, with its value behind it.
     Bar(u32),
-}
-
-/// Where a legend stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Corner {
-    /// Left upper.
-    UpperLeft,
-    /// Right upper.
-    UpperRight,
-    /// Left lower.
-    LowerLeft,
-    /// Right lower.
-    LowerRight,
 }
 
 /// Colours that colour-blind people tell apart (Okabe and Ito).
@@ -144,7 +129,6 @@ impl Panel {
             raster: None,
             square: false,
             series: Vec::new(),
-            legend: Corner::UpperRight,
         }
     }
 
@@ -162,13 +146,6 @@ impl Panel {
         self.series.push(series);
         self
     }
-
-    /// With the legend elsewhere.
-    #[must_use]
-    pub fn legend_at(mut self, corner: Corner) -> Self {
-        self.legend = corner;
-        self
-    }
 }
 
 impl Axis {
@@ -183,15 +160,15 @@ impl Axis {
         }
     }
 
-    /// An axis of named places, one unit apart, the first at 0.
+    /// An upright axis of named rows, one unit apart, the first on top at 0 and the others below it.
     #[must_use]
-    pub fn of_names(label: impl Into<String>, names: &[String]) -> Self {
-        let places = (0_u32..).map(f64::from);
+    pub fn of_rows(names: &[String]) -> Self {
+        let places = (0_u32..).map(|k| -f64::from(k));
         let ticks: Vec<(f64, String)> = places.zip(names.iter().cloned()).collect();
         Self {
-            label: label.into(),
-            low: -0.6,
-            high: ticks.last().map_or(0.0, |(at, _)| *at) + 0.6,
+            label: String::new(),
+            low: ticks.last().map_or(0.0, |(at, _)| *at) - 0.6,
+            high: 0.6,
             ticks,
         }
     }

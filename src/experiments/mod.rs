@@ -9,6 +9,7 @@
 //! (`worlds`), so its absolute values can be compared in kind only.
 
 mod answer;
+mod bars;
 mod comparison;
 mod distortion_sweep;
 pub mod figure;
@@ -25,9 +26,11 @@ pub mod plot;
 mod readings;
 mod recorded;
 pub mod report;
+mod rotations;
 mod sensitivity;
 mod step_by_step;
 mod steps;
+mod superiority;
 mod sweep;
 mod team;
 mod three_robots;

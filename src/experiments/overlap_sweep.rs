@@ -2,12 +2,13 @@
 
 use rayon::prelude::*;
 
-use super::figure::{Axis, Corner, Figure, Mark, PALETTE, Panel, Series};
+use super::figure::{Axis, Figure, Mark, PALETTE, Panel, Series};
 use super::numbers::{mean, percent, quantile, share};
 use super::outcome::{Claim, Outcome, Table, Verdict};
 use super::picture::{map_panel, merged_panel};
 use super::steps::Steps;
-use super::sweep::{Cut, Judged, contestants};
+use super::superiority::median_error_m;
+use super::sweep::{Cut, Judged, Methods, contestants, superiority};
 use super::worlds::{cluttered_map, cut, similarity};
 use super::{ExperimentError, ExperimentName, Settings};
 use crate::geometry::Pose2;
@@ -67,6 +68,7 @@ pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome,
             "similarity, lower quartile",
             "similarity, median",
             "similarity, upper quartile",
+            "error, median [m]",
             "pose right [share]",
             "merged and right [share]",
             "merged and wrong [share]",
@@ -100,6 +102,7 @@ pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome,
                 quartiles[0].into(),
                 quartiles[1].into(),
                 quartiles[2].into(),
+                median_error_m(of.iter().map(|judged| &judged.answer)).into(),
                 share(&of, |judged| judged.answer.pose_is_right()).into(),
                 share(&of, |judged| judged.answer.is_correct()).into(),
                 share(&of, |judged| judged.answer.is_wrong()).into(),
@@ -107,10 +110,10 @@ pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome,
             ]);
         }
     }
-    let claims = claims(&methods, &lines, &right, &measured);
+    let claims = claims(&methods, &overlaps, &lines, &right, &measured);
     let chart = |title: &str, label: &str, series: &[Vec<[f64; 2]>]| {
         let x = Axis::new("overlap [% of the world]", 5.0, 95.0);
-        let mut panel = Panel::new(title, x, Axis::new(label, 0.0, 105.0)).legend_at(Corner::LowerRight);
+        let mut panel = Panel::new(title, x, Axis::new(label, 0.0, 105.0));
         for (k, (name, _)) in methods.iter().enumerate() {
             panel = panel.with(Series::new(*name, PALETTE[k], Mark::LineAndDots, series[k].clone()));
         }
@@ -146,10 +149,9 @@ pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome,
     })
 }
 
-type Methods = [(&'static str, std::sync::Arc<dyn crate::registration::Method>)];
-
 fn claims(
     methods: &Methods,
+    overlaps: &[u32],
     lines: &[Vec<[f64; 2]>],
     right: &[Vec<[f64; 2]>],
     measured: &[(u32, f64, Vec<Judged>)],
@@ -223,6 +225,19 @@ fn claims(
                 (0..methods.len() - 1).all(|k| area(methods.len() - 1) >= area(k))
             }),
         },
+        superiority(
+            methods,
+            overlaps.iter().map(|overlap| {
+                let there = |k: usize| {
+                    let cases = measured.iter().filter(|case| case.0 == *overlap);
+                    cases.map(|case| &case.2[k]).collect()
+                };
+                (
+                    format!("{overlap} % of overlap"),
+                    (0..methods.len()).map(there).collect(),
+                )
+            }),
+        ),
     ]
 }
 

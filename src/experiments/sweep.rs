@@ -2,6 +2,9 @@
 
 use super::answer::{Answer, answer};
 use super::frames::redrawn;
+use super::numbers::share;
+use super::outcome::Claim;
+use super::superiority::{self, Score, better_than, median_error_m};
 use super::worlds::similarity;
 use crate::geometry::{Angle, Pose2};
 use crate::grid::OccupancyGrid;
@@ -19,6 +22,34 @@ pub(super) fn contestants() -> Vec<(&'static str, Arc<dyn Method>)> {
         ("hough-peaks, as printed", Arc::new(literal)),
         ("hough (default)", MethodSpec::default_of(MethodName::Hough).build()),
     ]
+}
+
+/// The methods of the sweeps.
+pub(super) type Methods = [(&'static str, Arc<dyn Method>)];
+
+/// Whether the last method, the default engine, is the best at each place. `places` has the words for a place, and what
+/// each method did there.
+pub(super) fn superiority<'a>(
+    methods: &Methods,
+    places: impl Iterator<Item = (String, Vec<Vec<&'a Judged>>)>,
+) -> Claim {
+    let (mut beaten, mut comparisons) = (Vec::new(), 0);
+    for (place, judged) in places {
+        let scores: Vec<Score> = methods
+            .iter()
+            .zip(&judged)
+            .map(|((method, _), of)| Score {
+                method: (*method).to_owned(),
+                decisions: share(of, |judged| judged.answer.decides_well(true)),
+                error_m: median_error_m(of.iter().map(|judged| &judged.answer)),
+            })
+            .collect();
+        if let Some((ours, others)) = scores.split_last() {
+            beaten.extend(better_than(ours, others, &place));
+            comparisons += 2 * others.len();
+        }
+    }
+    superiority::claim(&beaten, comparisons, "")
 }
 
 /// Two maps of one world, the second in a frame turned anyhow and moved by at most 20 cells.

@@ -1,6 +1,9 @@
 //! Figure 3 and properties 1 to 3: what becomes of a Hough image when its map is moved, added up, or a single wall.
 
-use super::figure::{Axis, Corner, Figure, Mark, PALETTE, Panel, Series};
+mod line;
+mod segments;
+
+use super::figure::{Figure, Mark, PALETTE, Series};
 use super::frames::redrawn;
 use super::numbers::{count, real, share};
 use super::outcome::{Claim, Outcome, Table, Verdict};
@@ -13,7 +16,8 @@ use crate::grid::{CellState, OccupancyGrid};
 use crate::registration::Control;
 use crate::registration::methods::HoughPeaksParams;
 use crate::registration::methods::hough_peaks::{HoughView, PeakView};
-
+use line::Line;
+use segments::Segments;
 /// Figure 3 turns its map by 15 degrees and moves it by 50 cells on both axes.
 const TURN_DEGREES: f64 = 15.0;
 const SHIFT_CELLS: f64 = 50.0;
@@ -171,95 +175,6 @@ struct Found {
     displayed: f64,
 }
 
-/// A line about the frame's origin, in cells.
-#[derive(Debug, Clone, Copy)]
-struct Line {
-    theta: Angle,
-    rho: f64,
-}
-
-impl Line {
-    fn of(peak: &PeakView, center: Point) -> Self {
-        let (sin, cos) = peak.theta.sin_cos();
-        Self {
-            theta: peak.theta,
-            rho: peak.rho + center[0] * cos + center[1] * sin,
-        }
-    }
-
-    /// Eq. 2 and 3.
-    fn moved(self, motion: Pose2) -> Self {
-        let theta = self.theta + motion.yaw();
-        let (sin, cos) = theta.sin_cos();
-        Self {
-            theta,
-            rho: self.rho + motion.x() * cos + motion.y() * sin,
-        }
-    }
-
-    /// Where a peak of H stands in H' by the formula that is displayed below eq. 3.
-    fn moved_as_displayed(self, motion: Pose2) -> Self {
-        let (sin, cos) = self.theta.sin_cos();
-        Self {
-            theta: self.theta - motion.yaw(),
-            rho: self.rho - motion.x() * cos - motion.y() * sin,
-        }
-    }
-
-    /// Its place in an image: a direction in [-90, 90) degrees, and the distance from the image's centre.
-    fn in_view(self, view: &HoughView) -> (f64, f64) {
-        let (sin, cos) = self.theta.sin_cos();
-        let rho = self.rho - view.center[0] * cos - view.center[1] * sin;
-        let degrees = self.theta.degrees();
-        if degrees >= 90.0 {
-            (degrees - 180.0, -rho)
-        } else if degrees < -90.0 {
-            (degrees + 180.0, -rho)
-        } else {
-            (degrees, rho)
-        }
-    }
-
-    /// The most votes within a degree and two cells of its place.
-    fn votes_in(self, view: &HoughView) -> f64 {
-        let (degrees, rho) = self.in_view(view);
-        let mut most = 0;
-        for column in 0..view.columns() {
-            let there = HoughView::theta_of(column).degrees();
-            let apart = (there - degrees).abs();
-            // over the seam the same lines have their rho negated
-            let rho = if apart > 90.0 { -rho } else { rho };
-            if apart.min(180.0 - apart) <= 1.0 {
-                let near = (0..view.bins()).filter(|bin| (view.rho_of(*bin) - rho).abs() <= 2.0);
-                most = near.map(|bin| view.column(column)[bin]).fold(most, u32::max);
-            }
-        }
-        f64::from(most)
-    }
-
-    /// Its piece within a rectangle, in the rectangle's units; nothing when it misses it. `scale` is cells to those units.
-    fn within(self, panel: &Panel, scale: f64) -> Vec<[f64; 2]> {
-        let (sin, cos) = self.theta.sin_cos();
-        let foot = [self.rho * cos * scale, self.rho * sin * scale];
-        let along = [-sin, cos];
-        let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
-        for (k, axis) in [&panel.x, &panel.y].into_iter().enumerate() {
-            if along[k].abs() < 1e-9 {
-                continue;
-            }
-            let ends = [axis.low, axis.high].map(|end| (end - foot[k]) / along[k]);
-            from = from.max(ends[0].min(ends[1]));
-            to = to.min(ends[0].max(ends[1]));
-        }
-        if from >= to {
-            return Vec::new();
-        }
-        [from, to]
-            .map(|s| [foot[0] + s * along[0], foot[1] + s * along[1]])
-            .to_vec()
-    }
-}
-
 /// Centres of the occupied cells, in cells.
 fn walls_of(map: &OccupancyGrid) -> Vec<Point> {
     let lattice = map.lattice();
@@ -293,114 +208,6 @@ fn superposition(points: &[Point]) -> u32 {
         })
         .max()
         .unwrap_or(0)
-}
-
-/// Property 3 on single segments.
-struct Segments {
-    /// Direction of the segment in degrees, and intensity over length: points, cells in one bin, cells in three bins.
-    by_direction: Vec<(f64, [f64; 3])>,
-    placed: f64,
-    tried: usize,
-    points: [f64; 2],
-    one_bin: [f64; 2],
-    three_bins: [f64; 2],
-}
-
-impl Segments {
-    fn measure() -> Self {
-        let (mut by_direction, mut placed) = (Vec::new(), Vec::new());
-        for degrees in (-88..=88_i32).step_by(4) {
-            let direction = f64::from(degrees);
-            let slope = direction.to_radians().tan();
-            let mut sums = [0.0; 3];
-            let lengths = [60_u32, 120, 240];
-            for (length, intercept) in lengths.into_iter().zip([-37.3, 12.6, 81.2]) {
-                let unit = [direction.to_radians().cos(), direction.to_radians().sin()];
-                let at = |s: f64| [s * unit[0], intercept + s * unit[1]];
-                let points: Vec<Point> = (0..length).map(|s| at(f64::from(s))).collect();
-                let mut cells: Vec<Point> = (0..length * 20)
-                    .map(|s| at(f64::from(s) / 20.0).map(|v| v.floor() + 0.5))
-                    .collect();
-                cells.dedup();
-                let view = |points: &[Point], width| HoughView::of_points(points, [0.0, 0.0], 0.0, width);
-                let images = [view(&points, 3), view(&cells, 1), view(&cells, 3)];
-                // eq. 4 and 5 as printed
-                let theta = slope.atan() - std::f64::consts::FRAC_PI_2;
-                let line = Line {
-                    theta: Angle::from_radians(theta),
-                    rho: intercept * theta.sin(),
-                };
-                let strongest = |view: &HoughView| {
-                    let all = (0..view.columns()).flat_map(|column| view.column(column)).copied();
-                    f64::from(all.max().unwrap_or(0))
-                };
-                placed.push(line.votes_in(&images[0]) >= 0.99 * strongest(&images[0]));
-                for (sum, image) in sums.iter_mut().zip(&images) {
-                    *sum += line.votes_in(image) / f64::from(length) / real(lengths.len());
-                }
-            }
-            by_direction.push((direction, sums));
-        }
-        let ends = |k: usize| {
-            let values = by_direction.iter().map(|(_, of)| of[k]);
-            values.fold([f64::INFINITY, 0.0_f64], |[low, high], v| [low.min(v), high.max(v)])
-        };
-        Self {
-            placed: share(&placed, |so| *so),
-            tried: placed.len(),
-            points: ends(0),
-            one_bin: ends(1),
-            three_bins: ends(2),
-            by_direction,
-        }
-    }
-
-    fn table(&self) -> Table {
-        let mut table = Table::new(
-            "property-3",
-            "Intensity of a straight wall over its length, by its direction: mean of segments of 60, 120 and 240 cells.",
-            &[
-                "direction [deg]",
-                "points a cell apart",
-                "cells crossed, one bin",
-                "cells crossed, strip of 3",
-            ],
-        );
-        for (direction, [points, one, three]) in &self.by_direction {
-            table.push(vec![
-                (*direction).into(),
-                (*points).into(),
-                (*one).into(),
-                (*three).into(),
-            ]);
-        }
-        table
-    }
-
-    fn figure(&self) -> Figure {
-        let labels = [
-            "points a cell apart",
-            "cells crossed, one bin",
-            "cells crossed, strip of 3 bins",
-        ];
-        let mut panel = Panel::new(
-            "Intensity of a wall of length L (eq. 6)",
-            Axis::new("direction of the wall [deg]", -90.0, 90.0),
-            Axis::new("intensity / L", 0.0, 2.0),
-        )
-        .legend_at(Corner::LowerRight);
-        for (k, label) in labels.into_iter().enumerate() {
-            let points = self
-                .by_direction
-                .iter()
-                .map(|(direction, of)| [*direction, of[k]])
-                .collect();
-            panel = panel.with(Series::new(label, PALETTE[k], Mark::LineAndDots, points));
-        }
-        let caption = "Property 3: the intensity of a wall is its length only as long as it is made of points; drawn on \
-                       cells it depends on the direction.";
-        Figure::new("property-3", caption, 1, vec![panel])
-    }
 }
 
 /// Figure 3: map, Hough image, moved map, its Hough image; the same wall in the same colour in all four.

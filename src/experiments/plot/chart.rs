@@ -5,7 +5,7 @@ use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
 use plotters::prelude::*;
 
 use super::FONT;
-use super::layout::{BOTTOM, LEFT, Layout, MARGIN, RIGHT, TITLE, squared, ticks};
+use super::layout::{BOTTOM, Layout, MARGIN, Place, RIGHT, TITLE, squared, ticks};
 use super::legend::legend;
 use super::raster::Placed;
 use crate::experiments::figure::{Figure, Mark, Panel, Rgb, Series};
@@ -65,9 +65,8 @@ pub(super) fn panels<DB: DrawingBackend>(
     mut paint: impl FnMut(&DrawingArea<DB, Shift>, &Placed<'_>) -> Result<(), String>,
 ) -> Result<(), String> {
     root.fill(&WHITE).map_err(told)?;
-    for (panel, [left, top, width, height]) in figure.panels.iter().zip(&layout.panels) {
-        let area = root.clone().shrink((*left, *top), (*width, *height));
-        draw(root, &area, panel, &mut paint)?;
+    for (panel, place) in figure.panels.iter().zip(&layout.panels) {
+        draw(root, place, panel, &mut paint)?;
     }
     Ok(())
 }
@@ -78,23 +77,26 @@ pub(super) fn told(error: impl std::error::Error) -> String {
 
 fn draw<DB: DrawingBackend>(
     root: &DrawingArea<DB, Shift>,
-    area: &DrawingArea<DB, Shift>,
+    place: &Place,
     panel: &Panel,
     paint: &mut impl FnMut(&DrawingArea<DB, Shift>, &Placed<'_>) -> Result<(), String>,
 ) -> Result<(), String> {
-    let (width, height) = area.dim_in_pixel();
+    let area = &root
+        .clone()
+        .shrink((place.left, place.top), (place.width, place.height));
+    let above = TITLE + place.legend;
     let plot = [
-        f64::from(width - LEFT - RIGHT - 2 * MARGIN),
-        f64::from(height - TITLE - BOTTOM - 2 * MARGIN),
+        f64::from(place.width - place.labels - RIGHT - 2 * MARGIN),
+        f64::from(place.height - above - BOTTOM - 2 * MARGIN),
     ];
     let [x, y] = squared(panel, plot);
     let (x_ticks, y_ticks) = (ticks(&panel.x, x, 6.0), ticks(&panel.y, y, 6.0));
     let mut chart = ChartBuilder::on(area)
         .margin(MARGIN)
         .margin_right(MARGIN + RIGHT)
-        .margin_top(MARGIN + TITLE)
+        .margin_top(MARGIN + above)
         .x_label_area_size(BOTTOM)
-        .y_label_area_size(LEFT)
+        .y_label_area_size(place.labels)
         .build_cartesian_2d(Scale::new(x, &x_ticks), Scale::new(y, &y_ticks))
         .map_err(told)?;
     title(area, &panel.title)?;
@@ -130,8 +132,7 @@ fn draw<DB: DrawingBackend>(
         add(&mut chart, series).map_err(told)?;
     }
     let (left, top) = chart.backend_coord(&(x[0], y[1]));
-    let (right, bottom) = chart.backend_coord(&(x[1], y[0]));
-    legend(root, panel, [left, top, right, bottom])
+    legend(root, panel, (left, top - i32::try_from(place.legend).unwrap_or(0)))
 }
 
 /// In the middle above the plotting area, smaller where it would not fit.
@@ -200,9 +201,20 @@ fn add<'a, DB: DrawingBackend + 'a>(chart: &mut Chart<'a, DB>, series: &Series) 
         }
         Mark::Bar(hundredths) => {
             let half = f64::from(hundredths) / 200.0;
-            let bar = |(x, y): (f64, f64)| Rectangle::new([(x - half, 0.0), (x + half, y)], color.filled());
-            chart.draw_series(points.into_iter().map(bar))?;
+            let bar = |(x, y): &(f64, f64)| Rectangle::new([(0.0, y - half), (*x, y + half)], color.filled());
+            chart.draw_series(points.iter().map(bar))?;
+            let value = |at: (f64, f64)| EmptyElement::at(at) + Text::new(short(at.0), (5, -6), (FONT, 13).into_font());
+            chart.draw_series(points.into_iter().map(value))?;
         }
     }
     Ok(())
+}
+
+/// A number as it stands behind its bar.
+fn short(value: f64) -> String {
+    if value >= 10.0 || (value - value.round()).abs() < 1e-9 {
+        format!("{value:.0}")
+    } else {
+        format!("{value:.2}")
+    }
 }
