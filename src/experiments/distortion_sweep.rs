@@ -8,10 +8,10 @@ use super::outcome::{Claim, Outcome, Table, Verdict};
 use super::picture::{map_panel, merged_panel};
 use super::steps::Steps;
 use super::superiority::median_error_m;
-use super::sweep::{Cut, Judged, Methods, contestants, superiority};
+use super::sweep::{Cut, Judged, Methods, contestants, halves, superiority};
 use super::worlds::{cluttered_map, cut, distorted};
 use super::{ExperimentError, ExperimentName, Settings};
-use crate::geometry::{Angle, Pose2};
+use crate::geometry::Angle;
 use crate::grid::OccupancyGrid;
 use crate::registration::Control;
 use crate::simulation::Random;
@@ -251,13 +251,7 @@ fn figure_18(settings: &Settings) -> Figure {
     let world = cluttered_map(settings.seed.wrapping_mul(100));
     let bend = |map: &OccupancyGrid| distorted(map, degrees(40));
     let [left, right] = cut(&world, 0.4).map(|part| bend(&part));
-    let merged = merged_panel(
-        "c) Two bent parts at their true poses (40 %)",
-        &[
-            (&left, Pose2::IDENTITY, [213, 94, 0]),
-            (&right, Pose2::IDENTITY, [0, 114, 178]),
-        ],
-    );
+    let merged = merged_panel("c) Two bent parts at their true poses (40 %)", &halves(&left, &right));
     let caption = "Figure 18 of the paper: a map, and the same bent by alpha = 0.04 degrees a cell, 16 degrees at the rim. \
                    c): bent about their own middles, two parts no longer fit each other anywhere.";
     let panels = vec![

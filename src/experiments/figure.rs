@@ -27,6 +27,8 @@ pub struct Panel {
     pub y: Axis,
     /// What lies behind the series.
     pub raster: Option<Raster>,
+    /// What fills the plotting area where the raster does not.
+    pub ground: Option<Raster>,
     /// Whether a unit of x shall be as long as a unit of y.
     pub square: bool,
     /// What is drawn, in this order.
@@ -127,6 +129,7 @@ impl Panel {
             x,
             y,
             raster: None,
+            ground: None,
             square: false,
             series: Vec::new(),
         }
@@ -137,6 +140,17 @@ impl Panel {
     pub fn with_raster(mut self, raster: Raster, square: bool) -> Self {
         self.raster = Some(raster);
         self.square = square;
+        self
+    }
+
+    /// With a colour that fills the plotting area where the raster does not.
+    #[must_use]
+    pub fn on_ground(mut self, color: Rgb) -> Self {
+        self.ground = Some(Raster {
+            width: 1,
+            height: 1,
+            pixels: vec![color],
+        });
         self
     }
 

@@ -8,7 +8,7 @@ use super::outcome::{Claim, Outcome, Table, Verdict};
 use super::picture::{map_panel, merged_panel};
 use super::steps::Steps;
 use super::superiority::median_error_m;
-use super::sweep::{Cut, Judged, Methods, contestants, superiority};
+use super::sweep::{Cut, Judged, Methods, contestants, halves, superiority};
 use super::worlds::{cluttered_map, cut, similarity};
 use super::{ExperimentError, ExperimentName, Settings};
 use crate::geometry::Pose2;
@@ -246,17 +246,14 @@ fn figure_16(settings: &Settings) -> Figure {
     let world = cluttered_map(settings.seed.wrapping_mul(100));
     let [left, right] = cut(&world, 0.1);
     let mut whole = map_panel("The world and the two maps cut from it at 10 %", &world);
-    for (map, color, label) in [(&left, [213, 94, 0], "map 1"), (&right, [0, 114, 178], "map 2")] {
+    for (map, color, label) in [(&left, PALETTE[1], "map 1"), (&right, PALETTE[0], "map 2")] {
         let corners = map.lattice().corners();
         let closed: Vec<[f64; 2]> = corners.into_iter().chain([corners[0]]).collect();
         whole = whole.with(Series::new(label, color, Mark::Line, closed));
     }
     let merged = merged_panel(
         "Both maps at their true poses; black: walls of both",
-        &[
-            (&left, Pose2::IDENTITY, [213, 94, 0]),
-            (&right, Pose2::IDENTITY, [0, 114, 178]),
-        ],
+        &halves(&left, &right),
     );
     let caption = "Figure 16 of the paper: a cluttered world of 640 x 480 cells, cut with 10 % of it in both maps.";
     Figure::new("figure-16", caption, 2, vec![whole, merged])

@@ -1,6 +1,6 @@
 //! Maps, merged maps and Hough images as rasters.
 
-use super::figure::{Axis, Panel, Raster, Rgb};
+use super::figure::{Axis, Mark, Panel, Raster, Rgb, Series};
 use super::numbers::{index, real};
 use crate::geometry::{Angle, Pose2};
 use crate::grid::{CellState, Lattice, OccupancyGrid, resample};
@@ -22,14 +22,24 @@ pub(super) fn map_panel(title: &str, map: &OccupancyGrid) -> Panel {
     panel_of(title, &lattice, pixels)
 }
 
-/// Maps in one frame, each with its pose in it and its colour: walls in the map's colour, black where several have one;
-/// free space tinted.
-pub(super) fn merged_panel(title: &str, maps: &[(&OccupancyGrid, Pose2, Rgb)]) -> Panel {
-    let placed: Vec<(&OccupancyGrid, Pose2)> = maps.iter().map(|(map, pose, _)| (*map, *pose)).collect();
+/// A map in a merged picture.
+pub(super) struct Laid<'a> {
+    /// For the legend.
+    pub(super) name: &'a str,
+    pub(super) map: &'a OccupancyGrid,
+    /// Pose of the map's frame in that of the picture.
+    pub(super) pose: Pose2,
+    pub(super) color: Rgb,
+}
+
+/// Maps in one frame: walls in the map's colour, black where several have one; free space tinted in the map's colour, white
+/// where several know it.
+pub(super) fn merged_panel(title: &str, maps: &[Laid<'_>]) -> Panel {
+    let placed: Vec<(&OccupancyGrid, Pose2)> = maps.iter().map(|laid| (laid.map, laid.pose)).collect();
     let lattice = upright(&placed);
     let laid: Vec<(OccupancyGrid, Rgb)> = maps
         .iter()
-        .map(|(map, pose, color)| (resample(map, *pose, lattice), *color))
+        .map(|laid| (resample(laid.map, laid.pose, lattice), laid.color))
         .collect();
     let pixels = rows_from_top(&lattice, |cell| {
         let of = |wanted: CellState| {
@@ -37,16 +47,20 @@ pub(super) fn merged_panel(title: &str, maps: &[(&OccupancyGrid, Pose2, Rgb)]) -
             in_state.map(|(_, color)| *color).collect::<Vec<Rgb>>()
         };
         match of(CellState::Occupied)[..] {
-            [] => of(CellState::Free)
-                .into_iter()
-                .map(tint)
-                .reduce(darker)
-                .unwrap_or(UNKNOWN),
+            [] => match of(CellState::Free)[..] {
+                [] => UNKNOWN,
+                [color] => tint(color),
+                _ => FREE,
+            },
             [color] => color,
             _ => WALL,
         }
     });
-    panel_of(title, &lattice, pixels)
+    let panel = panel_of(title, &lattice, pixels);
+    // swatches for the legend alone
+    maps.iter().fold(panel, |panel, laid| {
+        panel.with(Series::new(laid.name, laid.color, Mark::Bar(100), Vec::new()))
+    })
 }
 
 /// A Hough image: the more votes the darker, by their square root so that short walls are seen as well.
@@ -123,11 +137,8 @@ fn tint(color: Rgb) -> Rgb {
     color.map(|c| byte(255.0 - (255.0 - f64::from(c)) * 0.25))
 }
 
-fn darker(a: Rgb, b: Rgb) -> Rgb {
-    [0, 1, 2].map(|k| byte(f64::midpoint(f64::from(a[k]), f64::from(b[k])) - 12.0_f64.min(f64::from(a[k].min(b[k])))))
-}
-
-/// The smallest lattice without yaw, in the finest of the maps' cells, that holds all of them.
+/// The smallest lattice without yaw that holds all that the maps know. Its cells are half as wide as the finest of theirs: a
+/// wall one cell wide, turned, would have gaps in cells of its own size.
 fn upright(maps: &[(&OccupancyGrid, Pose2)]) -> Lattice {
     let resolution = maps
         .iter()
@@ -135,14 +146,27 @@ fn upright(maps: &[(&OccupancyGrid, Pose2)]) -> Lattice {
         .fold(f64::INFINITY, f64::min);
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for (map, pose) in maps {
-        for corner in map.lattice().corners() {
-            let at = pose.apply(corner);
-            low = [low[0].min(at[0]), low[1].min(at[1])];
-            high = [high[0].max(at[0]), high[1].max(at[1])];
+        let lattice = map.lattice();
+        let known = (0..lattice.height())
+            .flat_map(|row| (0..lattice.width()).map(move |column| (column, row)))
+            .filter(|(column, row)| map.at(*column, *row).state() != CellState::Unknown);
+        for (column, row) in known {
+            let at = pose.apply(lattice.cell_center(column, row));
+            low = [0, 1].map(|k| low[k].min(at[k]));
+            high = [0, 1].map(|k| high[k].max(at[k]));
         }
     }
-    let cells = |k: usize| index(((high[k] - low[k]) / resolution).ceil()).max(1);
-    Lattice::new(cells(0), cells(1), resolution, Pose2::new(low[0], low[1], Angle::ZERO))
+    if low[0] > high[0] {
+        (low, high) = ([0.0; 2], [0.0; 2]); // nothing is known
+    }
+    // up to the cells' sides
+    let (low, high) = (
+        low.map(|at| at - resolution / 2.0),
+        high.map(|at| at + resolution / 2.0),
+    );
+    let cell = resolution / 2.0;
+    let cells = |k: usize| index(((high[k] - low[k]) / cell - 1e-6).ceil()).max(1);
+    Lattice::new(cells(0), cells(1), cell, Pose2::new(low[0], low[1], Angle::ZERO))
         .expect("invariant: maps of one building fit on a lattice")
 }
 
@@ -166,6 +190,7 @@ fn panel_of(title: &str, lattice: &Lattice, pixels: Vec<Rgb>) -> Panel {
         Axis::new("y [m]", low[1], high[1]),
     )
     .with_raster(raster, true)
+    .on_ground(UNKNOWN)
 }
 
 #[cfg(test)]
@@ -185,16 +210,62 @@ mod tests {
             map([LogOdds::OCCUPIED, LogOdds::OCCUPIED]),
             map([LogOdds::OCCUPIED, LogOdds::UNKNOWN]),
         );
-        let panel = merged_panel("", &[(&a, Pose2::IDENTITY, blue), (&b, Pose2::IDENTITY, red)]);
-        assert_eq!(panel.raster.expect("a raster").pixels, [WALL, blue]);
-        let moved = merged_panel(
-            "",
-            &[
-                (&a, Pose2::IDENTITY, blue),
-                (&b, Pose2::new(2.0, 0.0, Angle::ZERO), red),
-            ],
+        // the first row of pixels, two a cell
+        let row = |pose: Pose2| {
+            let laid = [("a", &a, Pose2::IDENTITY, blue), ("b", &b, pose, red)];
+            let laid = laid.map(|(name, map, pose, color)| Laid { name, map, pose, color });
+            let raster = merged_panel("", &laid).raster.expect("a raster");
+            assert_eq!((raster.height, raster.pixels.len()), (2, 2 * raster.width));
+            raster.pixels[..raster.width].to_vec()
+        };
+        assert_eq!(row(Pose2::IDENTITY), [WALL, WALL, blue, blue]);
+        // where nothing is known the picture ends
+        assert_eq!(
+            row(Pose2::new(2.0, 0.0, Angle::ZERO)),
+            [blue, blue, blue, blue, red, red]
         );
-        assert_eq!(moved.raster.expect("a raster").pixels, [blue, blue, red, UNKNOWN]);
+    }
+
+    #[test]
+    fn free_space_of_several_maps_is_white_and_told_from_the_unknown_and_from_that_of_one() {
+        let color = [0, 114, 178];
+        let (both, one) = (
+            map([LogOdds::FREE, LogOdds::FREE]),
+            map([LogOdds::FREE, LogOdds::UNKNOWN]),
+        );
+        let laid = |map| Laid {
+            name: "",
+            map,
+            pose: Pose2::IDENTITY,
+            color,
+        };
+        let panel = merged_panel("", &[laid(&both), laid(&one)]);
+        assert_eq!(
+            panel.raster.expect("a raster").pixels[..4],
+            [FREE, FREE, tint(color), tint(color)]
+        );
+        assert!(tint(color) != UNKNOWN && tint(color) != FREE);
+    }
+
+    #[test]
+    fn a_wall_one_cell_wide_has_no_gap_however_it_is_turned() {
+        let lattice = Lattice::new(60, 3, 0.05, Pose2::IDENTITY).expect("valid");
+        let cells = (0..180).map(|k| if k / 60 == 1 { LogOdds::OCCUPIED } else { LogOdds::FREE });
+        let wall = OccupancyGrid::new(lattice, cells.collect()).expect("as many");
+        for degrees in [0.0, 5.5, 21.0, 45.0] {
+            let laid = Laid {
+                name: "",
+                map: &wall,
+                pose: Pose2::new(0.0, 0.0, Angle::from_degrees(degrees)),
+                color: [200, 0, 0],
+            };
+            let raster = merged_panel("", &[laid]).raster.expect("a raster");
+            let columns = raster.width * 9 / 10;
+            let without = (raster.width / 10..columns).filter(|column| {
+                (0..raster.height).all(|row| raster.pixels[row * raster.width + column] != [200, 0, 0])
+            });
+            assert_eq!(without.count(), 0, "{degrees} degrees");
+        }
     }
 
     #[test]

@@ -1,9 +1,11 @@
 //! What both sweeps share: one cut of the cluttered world, registered by several methods, each judged by the whole world.
 
 use super::answer::{Answer, answer};
+use super::figure::PALETTE;
 use super::frames::redrawn;
 use super::numbers::share;
 use super::outcome::Claim;
+use super::picture::Laid;
 use super::superiority::{self, Score, better_than, median_error_m};
 use super::worlds::similarity;
 use crate::geometry::{Angle, Pose2};
@@ -50,6 +52,16 @@ pub(super) fn superiority<'a>(
         }
     }
     superiority::claim(&beaten, comparisons, "")
+}
+
+/// Both parts of a cut as they lie in the world, for a picture.
+pub(super) fn halves<'a>(left: &'a OccupancyGrid, right: &'a OccupancyGrid) -> [Laid<'a>; 2] {
+    [("map 1", left, PALETTE[1]), ("map 2", right, PALETTE[0])].map(|(name, map, color)| Laid {
+        name,
+        map,
+        pose: Pose2::IDENTITY,
+        color,
+    })
 }
 
 /// Two maps of one world, the second in a frame turned anyhow and moved by at most 20 cells.

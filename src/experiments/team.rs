@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use super::answer::{Answer, answer};
-use super::figure::{Figure, Mark, PALETTE, Panel, Rgb, Series};
+use super::figure::{Figure, Mark, PALETTE, Panel, Series};
 use super::frames::far;
 use super::numbers::index;
 use super::outcome::Table;
-use super::picture::{map_panel, merged_panel};
+use super::picture::{Laid, map_panel, merged_panel};
 use super::worlds::Mapped;
 use crate::fusion::{Moments, WeldError, WeldInput, WeldOptions, weld};
 use crate::geometry::{Angle, Pose2};
@@ -47,13 +47,22 @@ impl Welded {
     }
 
     /// The merged picture.
-    pub(super) fn panel(&self, title: &str) -> Panel {
-        let maps: Vec<(&OccupancyGrid, Pose2, Rgb)> = self
+    fn panel(&self, title: &str, team: &[Mapped]) -> Panel {
+        let maps: Vec<Laid<'_>> = self
             .maps
             .iter()
+            .zip(team)
             .zip(&self.placed)
             .zip(PALETTE)
-            .filter_map(|((map, placed), color)| placed.map(|(pose, _)| (map, pose, color)))
+            .filter_map(|(((map, mapped), placed), color)| {
+                let (pose, _) = (*placed)?;
+                Some(Laid {
+                    name: mapped.name,
+                    map,
+                    pose,
+                    color,
+                })
+            })
             .collect();
         merged_panel(title, &maps)
     }
@@ -220,18 +229,20 @@ pub(super) fn figure(name: &str, caption: &str, team: &[Mapped], welds: &[Welded
                 .iter()
                 .map(|place| mapped.pose_world_map.inverse().apply(*place))
                 .collect();
-            map_panel(&title, &mapped.map).with(Series::new("", color, Mark::Line, way))
+            map_panel(&title, &mapped.map).with(Series::new("way of the robot", color, Mark::Line, way))
         })
         .collect();
     for welded in welds.iter().filter(|welded| welded.near) {
-        let title = format!(
-            "Fused by {}: {} of {} maps, error up to {:.3} m",
-            welded.method,
-            welded.count(),
-            team.len(),
-            welded.worst_m()
-        );
-        panels.push(welded.panel(&title));
+        let title = match welded.count() {
+            1 => format!("{} fuses nothing: the first map alone", welded.method),
+            count => format!(
+                "Fused by {}: {count} of {} maps, error up to {:.3} m",
+                welded.method,
+                team.len(),
+                welded.worst_m()
+            ),
+        };
+        panels.push(welded.panel(&title, team));
     }
     let columns = if panels.len() > 4 { 3 } else { 2 };
     Figure::new(name, caption, columns, panels)

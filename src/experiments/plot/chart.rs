@@ -100,6 +100,12 @@ fn draw<DB: DrawingBackend>(
         .build_cartesian_2d(Scale::new(x, &x_ticks), Scale::new(y, &y_ticks))
         .map_err(told)?;
     title(area, &panel.title)?;
+    if let Some(raster) = &panel.ground {
+        let (left, top) = chart.backend_coord(&(x[0], y[1]));
+        let (right, bottom) = chart.backend_coord(&(x[1], y[0]));
+        let corners = [left, top, right, bottom];
+        paint(root, &Placed { raster, corners })?;
+    }
     if let Some(raster) = &panel.raster {
         let (left, top) = chart.backend_coord(&(panel.x.low, panel.y.high));
         let (right, bottom) = chart.backend_coord(&(panel.x.high, panel.y.low));

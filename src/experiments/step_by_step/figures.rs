@@ -4,7 +4,7 @@ use super::step::{Step, name_of};
 use crate::experiments::figure::{Axis, Figure, Mark, PALETTE, Panel, Series};
 use crate::experiments::frames::reframed;
 use crate::experiments::numbers::real;
-use crate::experiments::picture::{heat_raster, hough_panel, map_panel, merged_panel};
+use crate::experiments::picture::{Laid, heat_raster, hough_panel, map_panel, merged_panel};
 use crate::geometry::{Angle, Pose2};
 use crate::registration::methods::hough_peaks::{HoughView, Objective, PeakView, Spectrum, SpectrumTrace};
 
@@ -18,9 +18,10 @@ impl Step<'_> {
         ];
         let pose = self.found.or(self.trace.tuned).unwrap_or(Pose2::IDENTITY);
         let both = [
-            (self.fixed, Pose2::IDENTITY, PALETTE[0]),
-            (self.moving, pose, PALETTE[1]),
-        ];
+            ("map 1", self.fixed, Pose2::IDENTITY, PALETTE[0]),
+            ("map 2", self.moving, pose, PALETTE[1]),
+        ]
+        .map(|(name, map, pose, color)| Laid { name, map, pose, color });
         panels.push(merged_panel("d) both maps after the transformation", &both));
         let caption =
             "Figure 8 of the paper: the two maps, the second rotated, and both fused; walls of both in black.";
