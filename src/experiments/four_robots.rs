@@ -40,9 +40,8 @@ pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome,
         let right = answers.iter().filter(|of| of[k % 2].is_correct()).count();
         let wrong = answers.iter().filter(|of| of[k % 2].is_wrong()).count();
         format!(
-            "{} of 4 maps placed, error up to {:.3} m; of the six pairs {right} merged and right, {wrong} merged and wrong",
-            welded.count(),
-            welded.worst_m()
+            "{}; of the six pairs {right} merged and right, {wrong} merged and wrong",
+            welded.words()
         )
     };
     let fused = |k: usize| welds[k].count() == 4 && welds[k].worst_m() <= super::answer::RIGHT_WITHIN_M;

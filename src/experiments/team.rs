@@ -46,6 +46,18 @@ impl Welded {
         if self.near { "within 20 cells" } else { "anywhere" }
     }
 
+    /// How many were placed how well, for people.
+    pub(super) fn words(&self) -> String {
+        match self.count() {
+            1 => format!("none of {} maps placed beside the first", self.maps.len() - 1),
+            count => format!(
+                "{count} of {} maps placed, error up to {:.3} m",
+                self.maps.len(),
+                self.worst_m()
+            ),
+        }
+    }
+
     /// The merged picture.
     fn panel(&self, title: &str, team: &[Mapped]) -> Panel {
         let maps: Vec<Laid<'_>> = self
@@ -233,15 +245,7 @@ pub(super) fn figure(name: &str, caption: &str, team: &[Mapped], welds: &[Welded
         })
         .collect();
     for welded in welds.iter().filter(|welded| welded.near) {
-        let title = match welded.count() {
-            1 => format!("{} fuses nothing: the first map alone", welded.method),
-            count => format!(
-                "Fused by {}: {count} of {} maps, error up to {:.3} m",
-                welded.method,
-                team.len(),
-                welded.worst_m()
-            ),
-        };
+        let title = format!("{}: {}", welded.method, welded.words());
         panels.push(welded.panel(&title, team));
     }
     let columns = if panels.len() > 4 { 3 } else { 2 };

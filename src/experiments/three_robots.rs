@@ -38,14 +38,7 @@ pub(super) fn run(settings: &Settings, control: &dyn Control) -> Result<Outcome,
             gap
         })
         .collect();
-    let fused = |k: usize| {
-        let welded = &welds[k];
-        format!(
-            "{} of 3 maps placed, error up to {:.3} m",
-            welded.count(),
-            welded.worst_m()
-        )
-    };
+    let fused = |k: usize| welds[k].words();
     let told = |gap: Option<f64>| gap.map_or("no loop".to_owned(), |gap| format!("misses by {gap:.3} m"));
     let closed = |k: usize| welds[k].count() == 3 && welds[k].worst_m() <= super::answer::RIGHT_WITHIN_M;
     let claims = vec![
