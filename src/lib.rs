@@ -65,7 +65,7 @@
 //! ```
 //!
 //! Beside them, small rooms: [`clock`] (time and ids, handed in), [`random`] (chance from a seed), `compute` (the bounded
-//! pool for heavy work), `config`, `failpoint` (where tests of debug builds have a server die), `telemetry`, and `web` (the
+//! pool for heavy work), `config`, `failpoint` (where tests of debug builds have a server die), `meters` (what Prometheus is told), `telemetry`, and `web` (the
 //! embedded page).
 //!
 //! The service has two homes behind one door, [`store::Store`] with [`store::Blobs`], chosen at run time: SQLite and a
@@ -111,6 +111,8 @@ pub mod geometry;
 pub mod grid;
 #[cfg(feature = "server")]
 pub mod http;
+#[cfg(feature = "server")]
+pub mod meters;
 pub mod model;
 pub mod random;
 pub mod registration;

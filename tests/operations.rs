@@ -8,9 +8,6 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Command};
 use mapweld::config::ServeConfig;
 
-const BEGIN: &str = "<!-- settings: begin -->\n";
-const END: &str = "<!-- settings: end -->";
-
 fn page() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/operations.md")
 }
@@ -41,21 +38,49 @@ fn table() -> String {
     table
 }
 
-#[test]
-fn the_table_of_settings_is_the_one_that_the_command_defines() {
-    let text = fs::read_to_string(page()).expect("the page is there");
-    let (before, rest) = text.split_once(BEGIN).expect("the table's begin");
-    let (written, after) = rest.split_once(END).expect("the table's end");
-    let defined = table();
-    if std::env::var_os("MAPWELD_WRITE_DOCS").is_some() {
-        fs::write(page(), format!("{before}{BEGIN}{defined}{END}{after}")).expect("the page can be written");
-        return;
+/// The table of all that is measured.
+fn meters() -> String {
+    let mut table = "| metric | kind | labels | what |\n|---|---|---|---|\n".to_owned();
+    for meter in mapweld::meters::ALL {
+        let labels: Vec<String> = meter.labels.iter().map(|label| format!("`{label}`")).collect();
+        let (kind, labels) = (meter.kind.as_str(), labels.join(", "));
+        writeln!(table, "| `{}` | {kind} | {labels} | {} |", meter.name, meter.what).expect("memory takes it");
     }
-    assert!(
-        written == defined,
-        "the table of settings in docs/operations.md is stale; write it anew: \
-         MAPWELD_WRITE_DOCS=1 cargo test --test operations\n\n{defined}"
-    );
+    table
+}
+
+#[test]
+fn the_tables_of_the_page_are_those_that_the_program_defines() {
+    for (name, defined) in [("settings", table()), ("metrics", meters())] {
+        let (begin, end) = (format!("<!-- {name}: begin -->\n"), format!("<!-- {name}: end -->"));
+        let text = fs::read_to_string(page()).expect("the page is there");
+        let (before, rest) = text.split_once(&begin).expect("the table's begin");
+        let (written, after) = rest.split_once(&end).expect("the table's end");
+        if std::env::var_os("MAPWELD_WRITE_DOCS").is_some() {
+            fs::write(page(), format!("{before}{begin}{defined}{end}{after}")).expect("the page can be written");
+            continue;
+        }
+        assert!(
+            written == defined,
+            "the table of {name} in docs/operations.md is stale; write it anew: \
+             MAPWELD_WRITE_DOCS=1 cargo test --test operations\n\n{defined}"
+        );
+    }
+}
+
+#[test]
+fn every_metric_that_an_alert_of_the_page_names_is_measured() {
+    let text = fs::read_to_string(page()).expect("the page is there");
+    let words = text.split(|at: char| !(at.is_ascii_alphanumeric() || at == '_'));
+    let named: Vec<&str> = words.filter(|word| word.starts_with("mapweld_")).collect();
+    assert!(named.len() > 20, "found only {named:?}");
+    for name in named {
+        let base = ["_bucket", "_sum", "_count"]
+            .iter()
+            .find_map(|end| name.strip_suffix(end));
+        let known = |name: &str| mapweld::meters::ALL.iter().any(|meter| meter.name == name);
+        assert!(known(name) || base.is_some_and(known), "{name} is not measured");
+    }
 }
 
 #[test]

@@ -21,6 +21,7 @@ use crate::compute::Compute;
 use crate::config::{LogFormat, ServeConfig};
 use crate::failpoint;
 use crate::http::{AppState, Door, Rooms, acceptor, app, listen};
+use crate::meters;
 use crate::store::{QueueLimits, Store};
 use crate::telemetry;
 use crate::worker::{Memory, Merges, Sweeper, Worker, WorkerSettings};
@@ -81,6 +82,7 @@ impl Server {
         if let Some(order) = config.failpoint {
             failpoint::arm(order).bad_input(|| "--failpoint")?;
         }
+        meters::install().context("cannot measure")?;
         let store = open_store(config, limits).await?;
         let has_keys = store.has_keys().await.context("cannot look for keys")?;
         config.check_listen(has_keys).bad_input(|| "--listen")?;

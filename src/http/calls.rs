@@ -24,6 +24,7 @@ use super::extract::{ReadUpload, UploadBody, media_type, read_json, read_parts};
 use super::state::AppState;
 use crate::api::{FieldError, ProblemCode};
 use crate::failpoint::{self, Point};
+use crate::meters;
 use crate::model::{CallName, Digest};
 use crate::store::{Attempt, Begun, Call, CallEnd, KeptAnswer, KeptHeader};
 
@@ -114,7 +115,14 @@ async fn named_call(state: AppState, name: CallName, request: Request, next: Nex
         lease_until: after(LEASE),
         expires_at: after(state.limits.keep_answers),
     };
-    let attempt = match state.store.begin_call(&call, now).await? {
+    let begun = state.store.begin_call(&call, now).await?;
+    meters::named(match begun {
+        Begun::Now(_) => "begun",
+        Begun::Answered(_) => "replayed",
+        Begun::UnderWay => "under_way",
+        Begun::OtherRequest => "other_request",
+    });
+    let attempt = match begun {
         Begun::Now(attempt) => attempt,
         Begun::Answered(kept) => return replayed(kept),
         Begun::UnderWay => return Err(under_way(&call.name)),

@@ -18,11 +18,14 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use super::error::{ApiError, ApiResult};
 use super::state::AppState;
 use crate::api::{FieldError, ProblemCode};
+use crate::meters;
 
 /// A bound on what is done at one time.
 pub(super) struct Bound {
     /// What is counted, in words and as a field.
     what: &'static str,
+    /// What is counted, as the reason of a refusal.
+    reason: &'static str,
     most: u32,
     places: Arc<Semaphore>,
 }
@@ -31,9 +34,10 @@ pub(super) struct Bound {
 pub(super) type Place = OwnedSemaphorePermit;
 
 impl Bound {
-    pub(super) fn new(what: &'static str, most: u32) -> Self {
+    pub(super) fn new(what: &'static str, reason: &'static str, most: u32) -> Self {
         Self {
             what,
+            reason,
             most,
             places: Arc::new(Semaphore::new(most as usize)),
         }
@@ -45,6 +49,7 @@ impl Bound {
     /// 503 names what is bounded and the bound.
     pub(super) fn enter(&self) -> ApiResult<Place> {
         Arc::clone(&self.places).try_acquire_owned().map_err(|_| {
+            meters::shed(self.reason);
             let limit = format!("at most {} at one time", self.most);
             ApiError::new(
                 ProblemCode::Overloaded,
@@ -65,10 +70,14 @@ pub(super) struct Crowded {
 
 /// Lets a request in, for as long as its answer is on its way, or refuses it.
 pub(super) async fn shed(State(state): State<AppState>, request: Request, next: Next) -> Response {
-    if matches!(request.uri().path(), "/livez" | "/readyz") {
-        return next.run(request).await;
+    let crowded = request.extensions().get::<Crowded>();
+    match request.uri().path() {
+        "/livez" | "/readyz" => return next.run(request).await,
+        // whoever watches shall see what is going on
+        "/metrics" if crowded.is_none() => return next.run(request).await,
+        _ => {}
     }
-    let entered = match request.extensions().get::<Crowded>() {
+    let entered = match crowded {
         Some(crowded) => Err(too_many_connections(*crowded)),
         None if waits(request.uri()) => state.waiting.enter(),
         None => state.requests.enter(),
@@ -90,6 +99,7 @@ fn waits(uri: &Uri) -> bool {
 }
 
 fn too_many_connections(Crowded { most }: Crowded) -> ApiError {
+    meters::shed("connections");
     let limit = format!("at most {most} at one time");
     ApiError::new(
         ProblemCode::Overloaded,
@@ -130,7 +140,7 @@ mod tests {
 
     #[test]
     fn what_is_beyond_the_bound_is_refused_until_a_place_is_free() {
-        let bound = Bound::new("requests", 2);
+        let bound = Bound::new("requests", "requests", 2);
         let first = bound.enter().expect("the first");
         let _second = bound.enter().expect("the second");
         let refused = bound.enter().expect_err("the third");
@@ -148,7 +158,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_place_is_held_until_the_body_is_sent_and_its_length_is_told() {
-        let bound = Bound::new("requests", 1);
+        let bound = Bound::new("requests", "requests", 1);
         let held = Body::new(Held {
             body: Body::from("four"),
             _place: bound.enter().expect("a place"),

@@ -19,6 +19,7 @@ use super::upload::{PictureQuery, Upload, Uploaded};
 use crate::api::{Map, Page, Pushed};
 use crate::codec::{OccupancyGridMessage, decode_cells, encode_cells, encode_png};
 use crate::failpoint::{self, Point};
+use crate::meters;
 use crate::model::{JobId, MapId, NewMap, RobotId, SessionId, SessionSettings};
 use crate::store::{AddMap, StoreError, keep_blob};
 
@@ -143,6 +144,7 @@ async fn keep(
         added => added?,
     };
     failpoint::reach(Point::AfterCommit);
+    meters::upload(added.created);
     Ok(Pushed {
         created: added.created,
         job: added.map.job,

@@ -1,17 +1,20 @@
 //! What surrounds every request: its id, its line in the log, the finishing of refusals, the security headers.
 
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use tracing::Instrument;
 
+use super::auth::Route;
 use super::error::{Refusal, refusal_of_status};
 use super::state::AppState;
 use crate::api::PROBLEM_JSON;
+use crate::meters;
 
 /// The header that carries a request's id, in both directions.
 pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -33,8 +36,22 @@ pub(super) async fn follow(State(state): State<AppState>, request: Request, next
     if let Ok(value) = HeaderValue::from_str(&id) {
         response.headers_mut().insert(REQUEST_ID, value);
     }
-    log_answer(&path, response.status(), state.clock.monotonic().saturating_sub(began));
+    let took = state.clock.monotonic().saturating_sub(began);
+    measure(&method, &response, took);
+    log_answer(&path, response.status(), took);
     response
+}
+
+/// What a request that met no operation, or was refused before, is counted under.
+static NO_ROUTE: LazyLock<Arc<str>> = LazyLock::new(|| Arc::from("none"));
+
+fn measure(method: &Method, response: &Response, took: Duration) {
+    let route = response.extensions().get::<Route>();
+    let route = route.map_or(&*NO_ROUTE, |route| &route.path);
+    // callers may make up methods
+    let known = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"];
+    let method = known.into_iter().find(|known| method.as_str() == *known);
+    meters::request(route, method.unwrap_or("other"), response.status().as_u16(), took);
 }
 
 /// The caller's own id, if it is one that can stand in a log: 1 to 64 of `[A-Za-z0-9._-]`.
@@ -69,7 +86,7 @@ fn log_answer(path: &str, status: StatusCode, took: Duration) {
     let (status, seconds) = (status.as_u16(), took.as_secs_f64());
     if status >= 500 {
         tracing::warn!(status, seconds, "answered");
-    } else if path == "/livez" || path == "/readyz" {
+    } else if matches!(path, "/livez" | "/readyz" | "/metrics") {
         tracing::trace!(status, seconds, "answered");
     } else {
         tracing::debug!(status, seconds, "answered");

@@ -20,6 +20,7 @@ mod load;
 mod maps;
 mod merge;
 mod methods;
+mod metrics;
 mod middleware;
 mod oneshot;
 mod openapi;
@@ -78,7 +79,8 @@ fn table() -> OpenApiRouter<AppState> {
         .routes(routes!(merge::merge))
         .routes(routes!(methods::list))
         .routes(routes!(health::livez))
-        .routes(routes!(health::readyz));
+        .routes(routes!(health::readyz))
+        .routes(routes!(metrics::metrics));
     let router = add_suffixed(router, routes!(maps::png));
     add_suffixed(router, routes!(jobs::cancel))
 }

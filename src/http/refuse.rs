@@ -3,6 +3,7 @@
 use super::error::ApiError;
 use crate::api::{FieldError, ProblemCode};
 use crate::codec::CodecError;
+use crate::meters;
 use crate::model::Invalid;
 use crate::store::{Missing, StoreError};
 
@@ -20,9 +21,11 @@ impl From<StoreError> for ApiError {
                 FieldError::new("constraints", format!("{limit} stand"), format!("at most {limit}")),
             ),
             StoreError::SessionExists(_) => Self::new(ProblemCode::SessionExists, text),
-            StoreError::QueueFull { queued, limit, .. } => Self::new(ProblemCode::QueueFull, text).field(
-                FieldError::new("queue", format!("{queued} jobs wait"), format!("at most {limit}")),
-            ),
+            StoreError::QueueFull { queued, limit, .. } => {
+                meters::shed("queue");
+                let field = FieldError::new("queue", format!("{queued} jobs wait"), format!("at most {limit}"));
+                Self::new(ProblemCode::QueueFull, text).field(field)
+            }
             StoreError::Unavailable(_) | StoreError::BlobBusy(_) | StoreError::BlobRemoved(_) => Self::storage(text),
             StoreError::NotFound(Missing::Blob(_) | Missing::Key(_))
             | StoreError::LeaseLost(_)

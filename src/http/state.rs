@@ -107,9 +107,9 @@ impl AppState {
                 keep_answers: config.upkeep.keep_answers,
             },
             auto_create: !config.no_auto_create,
-            requests: Bound::new("requests", config.limits.max_requests),
-            waiting: Bound::new("event streams and long polls", config.limits.max_waiting),
-            merges: Bound::new("one-shot merges", rooms.merges_at_once),
+            requests: Bound::new("requests", "requests", config.limits.max_requests),
+            waiting: Bound::new("event streams and long polls", "waiting", config.limits.max_waiting),
+            merges: Bound::new("one-shot merges", "merges", rooms.merges_at_once),
             uploads: Arc::new(Semaphore::new(config.limits.max_uploads)),
             stop: rooms.stop,
         }))

@@ -5,6 +5,7 @@ use futures_util::{StreamExt, TryStreamExt};
 use object_store::{ObjectMeta, ObjectStoreExt, path};
 
 use super::blobs::place;
+use super::error::Part;
 use super::{Blobs, StoreError};
 use crate::model::{BlobKey, Timestamp};
 
@@ -26,7 +27,7 @@ impl Blobs {
     #[must_use]
     pub fn list(&self) -> BoxStream<'_, Result<Kept, StoreError>> {
         let all = self.objects.list(Some(&path::Path::from("sha256")));
-        all.map_err(|error| StoreError::Unavailable(error.into()))
+        all.map_err(|error| Part::Blobs.unavailable(error))
             .map_ok(|object| kept(&object))
             .boxed()
     }
@@ -38,7 +39,7 @@ impl Blobs {
     pub async fn remove(&self, key: BlobKey) -> Result<(), StoreError> {
         match self.objects.delete(&place(key)).await {
             Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
-            Err(error) => Err(StoreError::Unavailable(error.into())),
+            Err(error) => Err(Part::Blobs.unavailable(error)),
         }
     }
 }

@@ -7,6 +7,7 @@ use bytes::Bytes;
 use object_store::local::LocalFileSystem;
 use object_store::{ObjectStore, ObjectStoreExt, PutPayload, path};
 
+use super::error::Part;
 use super::{Missing, StoreError, s3};
 use crate::model::BlobKey;
 
@@ -22,9 +23,9 @@ impl Blobs {
     /// # Errors
     /// When the folder cannot be made.
     pub fn open_folder(folder: &Path) -> Result<Self, StoreError> {
-        std::fs::create_dir_all(folder).map_err(|error| StoreError::Unavailable(error.into()))?;
+        std::fs::create_dir_all(folder).map_err(|error| Part::Blobs.unavailable(error))?;
         let files = LocalFileSystem::new_with_prefix(folder)
-            .map_err(|error| StoreError::Unavailable(error.into()))?
+            .map_err(|error| Part::Blobs.unavailable(error))?
             .with_fsync(true);
         Ok(Self::over(Arc::new(files)))
     }
@@ -64,7 +65,7 @@ impl Blobs {
         self.objects
             .put(&place(key), PutPayload::from_bytes(bytes))
             .await
-            .map_err(|error| StoreError::Unavailable(error.into()))?;
+            .map_err(|error| Part::Blobs.unavailable(error))?;
         Ok(())
     }
 
@@ -76,12 +77,12 @@ impl Blobs {
     pub async fn get(&self, key: BlobKey) -> Result<Bytes, StoreError> {
         let failed = |error: object_store::Error| match error {
             object_store::Error::NotFound { .. } => StoreError::NotFound(Missing::Blob(key)),
-            error => StoreError::Unavailable(error.into()),
+            error => Part::Blobs.unavailable(error),
         };
         let object = self.objects.get(&place(key)).await.map_err(failed)?;
         let (found, bytes) = hashed(object.bytes().await.map_err(failed)?).await?;
         if found != key {
-            return Err(StoreError::Damaged(format!("blob {key} has the content of {found}")));
+            return Err(Part::Blobs.damaged(format!("blob {key} has the content of {found}")));
         }
         Ok(bytes)
     }
@@ -95,7 +96,7 @@ pub(super) fn place(key: BlobKey) -> path::Path {
 pub(super) async fn hashed(bytes: Bytes) -> Result<(BlobKey, Bytes), StoreError> {
     tokio::task::spawn_blocking(move || (BlobKey::of(&bytes), bytes))
         .await
-        .map_err(|error| StoreError::Unavailable(error.into()))
+        .map_err(|error| Part::Blobs.unavailable(error))
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Why the store did not do what it was asked.
 
+use crate::meters;
 use crate::model::{BlobKey, Clash, ConstraintId, JobId, KeyId, MapId, SessionId, VersionSelector};
 
 /// Why the store did not do what it was asked.
@@ -53,6 +54,34 @@ pub enum StoreError {
     /// What was read is not what was written.
     #[error("the store is damaged: {0}")]
     Damaged(String),
+}
+
+/// A part of the store: makes its failures, and counts them.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Part {
+    /// The database.
+    Records,
+    /// The blobs.
+    Blobs,
+}
+
+impl Part {
+    pub(super) fn unavailable(self, error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> StoreError {
+        meters::store_error(self.as_str(), "unavailable");
+        StoreError::Unavailable(error.into())
+    }
+
+    pub(super) fn damaged(self, what: impl Into<String>) -> StoreError {
+        meters::store_error(self.as_str(), "damaged");
+        StoreError::Damaged(what.into())
+    }
+
+    fn as_str(self) -> &'static str {
+        match self {
+            Self::Records => "records",
+            Self::Blobs => "blobs",
+        }
+    }
 }
 
 /// A record that is not there.

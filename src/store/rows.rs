@@ -19,6 +19,7 @@ use crate::model::{
     ResultText, Scope, Session, SessionId, SessionSettings, Timestamp, Version, VersionInput,
 };
 use crate::store::calls::KeptCall;
+use crate::store::error::Part;
 use crate::store::{BlobMark, KeptAnswer, Lease, StoreError};
 
 pub(super) fn session(row: &impl StoredRow) -> Result<Session, StoreError> {
@@ -379,5 +380,5 @@ fn convert<S, T, E: std::fmt::Display>(
 }
 
 fn damaged(column: &'static str, why: impl std::fmt::Display) -> StoreError {
-    StoreError::Damaged(format!("column {column}: {why}"))
+    Part::Records.damaged(format!("column {column}: {why}"))
 }

@@ -7,6 +7,7 @@ use object_store::aws::{AmazonS3Builder, AmazonS3ConfigKey};
 use object_store::prefix::PrefixStore;
 use object_store::{BackoffConfig, ClientConfigKey, ClientOptions, ObjectStore, RetryConfig};
 
+use super::error::Part;
 use crate::store::StoreError;
 
 /// Longest time for a connection to be made.
@@ -64,7 +65,7 @@ pub(super) fn bucket(
             retry_timeout: RETRY,
         })
         .build()
-        .map_err(|error| StoreError::Unavailable(error.into()))?;
+        .map_err(|error| Part::Blobs.unavailable(error))?;
     Ok(if prefix.is_empty() {
         Arc::new(objects)
     } else {

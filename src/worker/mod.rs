@@ -8,6 +8,7 @@
 
 mod earlier;
 mod lease;
+mod measured;
 mod memory;
 mod merge;
 mod steering;
@@ -32,7 +33,8 @@ pub use work::{Done, Failure, Progress, Work};
 use crate::clock::Clock;
 use crate::compute::RunControl;
 use crate::failpoint::{self, Point};
-use crate::model::{Job, JobError, JobState};
+use crate::meters::{self, Busy};
+use crate::model::{Job, JobError, JobState, Timestamp};
 use crate::store::{Change, Claim, Lease, Retry, Store, StoreError};
 use lease::Ended;
 
@@ -107,6 +109,7 @@ impl Worker {
     /// Does jobs, as many at a time as the settings say, until it is stopped. Jobs that are under way then are given back
     /// to the queue.
     pub async fn run(&self, stop: CancellationToken) {
+        meters::workers(u32::try_from(self.settings.at_once.get()).unwrap_or(u32::MAX));
         let mut lanes = JoinSet::new();
         for _ in 0..self.settings.at_once.get() {
             let (worker, stop) = (self.clone(), stop.clone());
@@ -145,6 +148,7 @@ impl Worker {
             return Ok(Ran::Empty);
         };
         info!(job = %job.id, session = %job.session, attempt = job.attempt, "job begins");
+        let _busy = Busy::begin(self.since(job.run_after));
         let control = RunControl::start(Arc::clone(&self.clock), Some(self.settings.deadline));
         let _cancelled_when_dropped = control.cancel_on_drop();
         let ended = self.hold(&lease, &job, &control, stop).await;
@@ -175,17 +179,30 @@ impl Worker {
                 .store
                 .publish_version(lease, (**version).clone(), now)
                 .await
-                .map(|version| {
+                .map(|published| {
                     failpoint::reach(Point::AfterPublish);
+                    measured::published(version);
+                    self.ended(job, "published");
+                    let version = published;
                     info!(job = %job.id, session = %job.session, version = %version.number, "published");
                 }),
             Ended::Done(Done::DryRun { result, timings }) => {
-                self.store.finish_dry_run(lease, result, timings, now).await
+                let written = self.store.finish_dry_run(lease, result, timings, now).await;
+                written.map(|()| {
+                    measured::stages(timings);
+                    self.ended(job, "dry_run");
+                })
             }
             Ended::Failed(error) => self.fail(lease, job, error, Retry::Never).await,
             Ended::FailedForNow(error) => self.fail(lease, job, error, self.retry(job)).await,
-            Ended::Cancelled => self.store.finish_cancelled(lease, now).await,
-            Ended::Stopped => self.store.release_job(lease, now).await,
+            Ended::Cancelled => {
+                let written = self.store.finish_cancelled(lease, now).await;
+                written.map(|()| self.ended(job, "cancelled"))
+            }
+            Ended::Stopped => {
+                let written = self.store.release_job(lease, now).await;
+                written.map(|()| self.ended(job, "given_back"))
+            }
             Ended::Lost => Err(StoreError::LeaseLost(job.id)),
         };
         match written {
@@ -195,6 +212,7 @@ impl Worker {
                 self.fail(lease, job, &error, self.retry(job)).await
             }
             Err(StoreError::LeaseLost(_)) => {
+                self.ended(job, "lost");
                 warn!(job = %job.id, "the lease is lost: the result is dropped");
                 Ok(())
             }
@@ -205,8 +223,29 @@ impl Worker {
     async fn fail(&self, lease: &Lease, job: &Job, error: &JobError, retry: Retry) -> Result<(), StoreError> {
         let state = self.store.fail_job(lease, error, retry, self.clock.now()).await?;
         let again = state == JobState::Queued;
+        self.ended(
+            job,
+            match state {
+                JobState::Queued => "retried",
+                JobState::Cancelled => "cancelled",
+                _ => "failed",
+            },
+        );
         warn!(job = %job.id, session = %job.session, code = error.code, message = error.message, again, "attempt failed");
         Ok(())
+    }
+
+    /// How long ago that was.
+    fn since(&self, then: Timestamp) -> Duration {
+        Duration::try_from(self.clock.now().duration_since(then)).unwrap_or_default()
+    }
+
+    /// Counts how an attempt ended.
+    fn ended(&self, job: &Job, outcome: &'static str) {
+        meters::attempt(
+            outcome,
+            job.started_at.map_or(Duration::ZERO, |began| self.since(began)),
+        );
     }
 
     fn retry(&self, job: &Job) -> Retry {

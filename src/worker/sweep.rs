@@ -14,6 +14,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
 use crate::clock::Clock;
+use crate::meters;
 use crate::model::{BlobKey, Timestamp};
 use crate::store::{Blobs, MARK_HOLD, Pruned, Store, StoreError};
 
@@ -84,6 +85,14 @@ impl Sweeper {
         let old = self.clock.now().checked_sub(MARK_MEMORY).unwrap_or(Timestamp::MIN);
         self.store.forget_marks(old).await?;
         let answers = self.store.forget_calls(self.clock.now()).await?;
+        for (what, count) in [
+            ("versions", pruned.versions),
+            ("maps", pruned.maps),
+            ("blobs", blobs),
+            ("answers", answers),
+        ] {
+            meters::swept(what, count);
+        }
         Ok(Swept {
             pruned,
             blobs,

@@ -55,6 +55,15 @@ pub enum ReasonCode {
     Cancelled,
 }
 
+impl ReasonCode {
+    /// It as it stands in JSON.
+    #[must_use]
+    pub fn as_str(self) -> String {
+        let text = serde_json::to_string(&self).expect("invariant: a code serialises");
+        text.trim_matches('"').to_owned()
+    }
+}
+
 impl Reason {
     fn plain(code: ReasonCode, message: impl Into<String>) -> Self {
         Self {

@@ -4,6 +4,7 @@
 //! routes with keys of every scope and expects it.
 
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 use axum::http::Method;
 use utoipa::openapi::OpenApi;
@@ -71,6 +72,7 @@ pub(in crate::http) const ANSWERS: &[(&str, Access)] = &[
     ("list_methods", Access::AnyKey),
     ("livez", Access::Open),
     ("readyz", Access::Open),
+    ("metrics", Access::Look),
     ("get_map_png", Access::OwnMap),
     ("cancel_job", Access::Operate),
 ];
@@ -118,8 +120,10 @@ impl Access {
 }
 
 /// An operation, as requests meet it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(in crate::http) struct Route {
+    /// As the document writes it.
+    pub(in crate::http) path: Arc<str>,
     pub(in crate::http) operation: &'static str,
     pub(super) access: Access,
 }
@@ -146,7 +150,11 @@ impl Answers {
                     .iter()
                     .find(|(name, _)| *name == operation)
                     .map_or("", |(name, _)| *name);
-                let route = Route { operation, access };
+                let route = Route {
+                    path: Arc::from(path.as_str()),
+                    operation,
+                    access,
+                };
                 answers.entry(routed.clone()).or_default().push((method, route));
             }
         }
@@ -161,7 +169,7 @@ impl Answers {
         of_path
             .iter()
             .find(|(method, _)| method == wanted)
-            .map(|(_, route)| *route)
+            .map(|(_, route)| route.clone())
     }
 }
 

@@ -25,7 +25,7 @@ pub(super) struct Audit {
 
 impl Audit {
     /// Of a request that may change something; reading leaves no line.
-    pub(super) fn begin(route: Route, parts: &Parts) -> Option<Self> {
+    pub(super) fn begin(route: &Route, parts: &Parts) -> Option<Self> {
         (!parts.method.is_safe()).then(|| Self {
             operation: route.operation,
             method: parts.method.to_string(),

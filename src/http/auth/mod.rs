@@ -25,6 +25,7 @@ pub(super) use rate::RateLimit;
 use super::error::{ApiError, ApiResult};
 use super::state::AppState;
 use crate::api::{FieldError, ProblemCode};
+use crate::meters;
 use access::Answer;
 use audit::Audit;
 
@@ -67,18 +68,26 @@ impl Gate {
     }
 }
 
-/// Lets a request pass to its handler, or refuses it.
+/// Lets a request pass to its handler, or refuses it. Its answer tells the [`Route`] in its extensions.
 pub(super) async fn authorise(State(state): State<AppState>, request: Request, next: Next) -> Response {
-    let (mut parts, body) = request.into_parts();
+    let (parts, body) = request.into_parts();
     let Some(route) = state.gate.route(&parts) else {
         // no operation of ours: a page, or nothing that there is
         return next.run(Request::from_parts(parts, body)).await;
     };
-    if route.access == Access::Open {
-        return next.run(Request::from_parts(parts, body)).await;
-    }
-    let mut audit = Audit::begin(route, &parts);
-    let answer = match enter(&state, route, &mut parts, audit.as_mut()).await {
+    let mut answer = if route.access == Access::Open {
+        next.run(Request::from_parts(parts, body)).await
+    } else {
+        held_against(&state, route.clone(), Request::from_parts(parts, body), next).await
+    };
+    answer.extensions_mut().insert(route);
+    answer
+}
+
+async fn held_against(state: &AppState, route: Route, request: Request, next: Next) -> Response {
+    let (mut parts, body) = request.into_parts();
+    let mut audit = Audit::begin(&route, &parts);
+    let answer = match enter(state, &route, &mut parts, audit.as_mut()).await {
         Ok(caller) => {
             parts.extensions.insert(caller);
             parts.extensions.insert(route);
@@ -92,13 +101,14 @@ pub(super) async fn authorise(State(state): State<AppState>, request: Request, n
     answer
 }
 
-async fn enter(state: &AppState, route: Route, parts: &mut Parts, audit: Option<&mut Audit>) -> ApiResult<Caller> {
+async fn enter(state: &AppState, route: &Route, parts: &mut Parts, audit: Option<&mut Audit>) -> ApiResult<Caller> {
     let caller = Caller::of(state, &parts.method, &parts.headers).await?;
     if let Some(audit) = audit {
         audit.by(&caller);
     }
     let Some(key) = caller.key() else { return Ok(caller) };
     state.gate.rate.admit(key.id, state.clock.monotonic()).map_err(|wait| {
+        meters::shed("key_rate");
         ApiError::new(
             ProblemCode::RateLimited,
             format!(

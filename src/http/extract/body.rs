@@ -13,6 +13,7 @@ use super::digest::ToldDigests;
 use crate::api::{FieldError, ProblemCode};
 use crate::http::error::{ApiError, ApiResult};
 use crate::http::state::AppState;
+use crate::meters;
 
 /// The most that a body may be, and the longest that it may take to arrive.
 #[derive(Debug, Clone, Copy)]
@@ -55,12 +56,12 @@ impl UploadBody {
         };
         refuse_by_length(headers, limits.bytes)?;
         let digests = ToldDigests::of(headers)?;
-        let place = state
-            .uploads
-            .clone()
-            .try_acquire_owned()
-            .map_err(|_| ApiError::new(ProblemCode::Overloaded, "too many uploads at one time; try again"))?;
+        let place = state.uploads.clone().try_acquire_owned().map_err(|_| {
+            meters::shed("uploads");
+            ApiError::new(ProblemCode::Overloaded, "too many uploads at one time; try again")
+        })?;
         let bytes = read_body(body, limits).await?;
+        meters::upload_bytes(bytes.len());
         digests.check(&bytes).await?;
         Ok(Self {
             content_type,

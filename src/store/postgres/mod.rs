@@ -25,12 +25,14 @@ use tokio::sync::broadcast;
 use tokio::time::timeout;
 use tokio_util::task::AbortOnDropHandle;
 
+use super::error::Part;
 use super::rows;
 use super::{
     AddMap, Added, Change, Claim, Created, Lease, NewVersion, Page, ProgressReport, QueueDepth, QueueLimits, Renewed,
     Retry, Store, StoreError,
 };
 use crate::failpoint::{self, Point};
+use crate::meters;
 use crate::model::{
     Constraint, ConstraintId, Job, JobError, JobId, JobState, LabelFilter, MapId, MapRecord, MergeRequest, ResultText,
     RobotId, RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version,
@@ -120,7 +122,7 @@ fn changed(job: &Job) -> Change {
 }
 
 fn unavailable(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> StoreError {
-    StoreError::Unavailable(error.into())
+    Part::Records.unavailable(error)
 }
 
 /// Answers of the database as answers of the store.
@@ -132,10 +134,10 @@ impl<T> Failed<T> for Result<T, sqlx::Error> {
     fn failed(self) -> Result<T, StoreError> {
         self.map_err(|error| match &error {
             sqlx::Error::Database(refused) if !passes(refused.code().as_deref()) => {
-                StoreError::Damaged(error.to_string())
+                Part::Records.damaged(error.to_string())
             }
             sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) | sqlx::Error::ColumnNotFound(_) => {
-                StoreError::Damaged(error.to_string())
+                Part::Records.damaged(error.to_string())
             }
             _ => unavailable(error),
         })
@@ -292,9 +294,9 @@ impl Store for PostgresStore {
                 let mut tx = self.begin().await?;
                 let parked = queue::park_lost(&mut tx, now).await?;
                 let mut changes: Vec<Change> = parked.iter().map(job_change).collect();
-                let claim = match queue::claim(&mut tx, owner, lease, now).await? {
-                    Tried::Claimed(claim) => Some(*claim),
-                    Tried::Nothing => None,
+                let (claim, reclaimed) = match queue::claim(&mut tx, owner, lease, now).await? {
+                    Tried::Claimed(claim, reclaimed) => (Some(*claim), reclaimed),
+                    Tried::Nothing => (None, false),
                     // what was parked is parked again
                     Tried::Clash => {
                         tx.rollback().await.failed()?;
@@ -303,6 +305,8 @@ impl Store for PostgresStore {
                 };
                 changes.extend(claim.iter().map(|claim| changed(&claim.job)));
                 commit(tx, &changes).await?;
+                meters::reclaimed("parked", parked.len());
+                meters::reclaimed("begun_again", usize::from(reclaimed));
                 return Ok(claim);
             }
             Ok(None)

@@ -41,8 +41,8 @@ pub(super) async fn park_lost(db: &mut PgConnection, now: Timestamp) -> Result<V
 
 /// What came of a try to claim a job.
 pub(super) enum Tried {
-    /// A job was claimed.
-    Claimed(Box<Claim>),
+    /// A job was claimed; whether it was taken from a worker that was lost.
+    Claimed(Box<Claim>, bool),
     /// There is none to do.
     Nothing,
     /// Somebody else has claimed a job of the same session in this very moment: the transaction is over, look again.
@@ -61,11 +61,8 @@ pub(super) async fn claim(
     // Longest due first; a job of a session that has one running, even with an expired lease, waits for that one. Rows
     // that others hold are skipped: they are being claimed, ended, or joined by an upload, which tells when it is done.
     let claimed = sqlx::query(
-        "UPDATE jobs
-         SET state = 'running', attempt = attempt + 1, started_at = $1, stage = NULL, progress = 0.0,
-             lease_owner = $2, lease_until = $3, lease_token = lease_token + 1
-         WHERE id = (
-             SELECT due.id FROM jobs AS due
+        "WITH due AS MATERIALIZED (
+             SELECT due.id AS due_id, due.state = 'running' AS reclaimed FROM jobs AS due
              WHERE ((due.state = 'queued' AND due.run_after <= $1) OR (due.state = 'running' AND due.lease_until <= $1))
                AND NOT EXISTS (
                    SELECT 1 FROM jobs AS other
@@ -74,7 +71,12 @@ pub(super) async fn claim(
              ORDER BY due.run_after, due.id LIMIT 1
              FOR UPDATE OF due SKIP LOCKED
          )
-         RETURNING *",
+         UPDATE jobs
+         SET state = 'running', attempt = attempt + 1, started_at = $1, stage = NULL, progress = 0.0,
+             lease_owner = $2, lease_until = $3, lease_token = lease_token + 1
+         FROM due
+         WHERE id = due_id
+         RETURNING jobs.*, reclaimed",
     )
     .bind(now.as_microsecond())
     .bind(owner)
@@ -92,7 +94,8 @@ pub(super) async fn claim(
         job: job.id,
         token: rows::value(&row, "lease_token")?,
     };
-    Ok(Tried::Claimed(Box::new(Claim { lease, job })))
+    let reclaimed = rows::value(&row, "reclaimed")?;
+    Ok(Tried::Claimed(Box::new(Claim { lease, job }), reclaimed))
 }
 
 pub(super) async fn renew(

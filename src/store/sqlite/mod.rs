@@ -23,12 +23,14 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, S
 use sqlx::{Sqlite, SqlitePool, Transaction};
 use tokio::sync::broadcast;
 
+use super::error::Part;
 use super::rows::{self, text};
 use super::{
     AddMap, Added, Change, Claim, Created, Lease, NewVersion, Page, ProgressReport, QueueDepth, QueueLimits, Renewed,
     Retry, Store, StoreError,
 };
 use crate::failpoint::{self, Point};
+use crate::meters;
 use crate::model::{
     Constraint, ConstraintId, Job, JobError, JobId, JobState, LabelFilter, MapId, MapRecord, MergeRequest, ResultText,
     RobotId, RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version,
@@ -234,7 +236,7 @@ fn locked(path: &Path) -> Result<File, StoreError> {
 }
 
 fn unavailable(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> StoreError {
-    StoreError::Unavailable(error.into())
+    Part::Records.unavailable(error)
 }
 
 /// Answers of the database as answers of the store.
@@ -247,10 +249,10 @@ impl<T> Failed<T> for Result<T, sqlx::Error> {
         self.map_err(|error| match &error {
             // our own statements met a constraint: what is written there is not what this code writes
             sqlx::Error::Database(refused) if refused.kind() != sqlx::error::ErrorKind::Other => {
-                StoreError::Damaged(error.to_string())
+                Part::Records.damaged(error.to_string())
             }
             sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) | sqlx::Error::ColumnNotFound(_) => {
-                StoreError::Damaged(error.to_string())
+                Part::Records.damaged(error.to_string())
             }
             _ => unavailable(error),
         })
@@ -372,13 +374,15 @@ impl Store for SqliteStore {
         let parked = queue::park_lost(&mut tx, now).await?;
         let claim = queue::claim(&mut tx, owner, lease, now).await?;
         tx.commit().await.failed()?;
+        meters::reclaimed("parked", parked.len());
         for written in parked {
             self.announce_job(written);
         }
-        if let Some(Claim { job, .. }) = &claim {
-            self.announce(Change::Job(job.session.clone(), job.id, job.state));
-        }
-        Ok(claim)
+        Ok(claim.map(|(claim, reclaimed)| {
+            meters::reclaimed("begun_again", usize::from(reclaimed));
+            self.announce(Change::Job(claim.job.session.clone(), claim.job.id, claim.job.state));
+            claim
+        }))
     }
 
     async fn renew_lease(

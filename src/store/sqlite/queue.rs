@@ -34,41 +34,49 @@ pub(super) async fn park_lost(db: &mut SqliteConnection, now: Timestamp) -> Resu
     lost.iter().map(written).collect()
 }
 
+/// A job, and whether it was taken from a worker that was lost. The transaction is the only one that writes.
 pub(super) async fn claim(
     db: &mut SqliteConnection,
     owner: &str,
     lease: Duration,
     now: Timestamp,
-) -> Result<Option<Claim>, StoreError> {
+) -> Result<Option<(Claim, bool)>, StoreError> {
     // Longest due first; a job of a session that has one running, even with an expired lease, waits for that one.
-    let claimed = sqlx::query(
+    let due = sqlx::query(
+        "SELECT due.id AS id, due.state AS state FROM jobs AS due
+         WHERE ((due.state = 'queued' AND due.run_after <= ?1) OR (due.state = 'running' AND due.lease_until <= ?1))
+           AND NOT EXISTS (
+               SELECT 1 FROM jobs AS other
+               WHERE other.session = due.session AND other.state = 'running' AND other.id <> due.id
+           )
+         ORDER BY due.run_after, due.id LIMIT 1",
+    )
+    .bind(now.as_microsecond())
+    .fetch_optional(&mut *db)
+    .await
+    .failed()?;
+    let Some(due) = due else { return Ok(None) };
+    let was: JobState = rows::word(&due, "state")?;
+    let row = sqlx::query(
         "UPDATE jobs
          SET state = 'running', attempt = attempt + 1, started_at = ?1, stage = NULL, progress = 0.0,
              lease_owner = ?2, lease_until = ?3, lease_token = lease_token + 1
-         WHERE id = (
-             SELECT due.id FROM jobs AS due
-             WHERE ((due.state = 'queued' AND due.run_after <= ?1) OR (due.state = 'running' AND due.lease_until <= ?1))
-               AND NOT EXISTS (
-                   SELECT 1 FROM jobs AS other
-                   WHERE other.session = due.session AND other.state = 'running' AND other.id <> due.id
-               )
-             ORDER BY due.run_after, due.id LIMIT 1
-         )
+         WHERE id = ?4
          RETURNING *",
     )
     .bind(now.as_microsecond())
     .bind(owner)
     .bind(until(now, lease))
-    .fetch_optional(db)
+    .bind(rows::value::<String>(&due, "id")?)
+    .fetch_one(db)
     .await
     .failed()?;
-    let Some(row) = claimed else { return Ok(None) };
     let job = rows::job(&row)?;
     let lease = Lease {
         job: job.id,
         token: rows::value(&row, "lease_token")?,
     };
-    Ok(Some(Claim { lease, job }))
+    Ok(Some((Claim { lease, job }, was == JobState::Running)))
 }
 
 pub(super) async fn renew(

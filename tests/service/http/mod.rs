@@ -10,6 +10,7 @@ mod jobs;
 mod keys_command;
 mod lifecycle;
 mod load;
+mod measured;
 mod merge_command;
 mod named;
 mod one_shot;

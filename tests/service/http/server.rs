@@ -126,6 +126,12 @@ impl TestServer {
         self.release()
     }
 
+    /// Waits until it ends, as a failpoint has it do.
+    pub(crate) async fn ended_by_itself(mut self) -> TempDir {
+        self.wait().await;
+        self.release()
+    }
+
     async fn wait(&mut self) -> ExitStatus {
         let child = std::mem::replace(&mut self.child, gone());
         let waited = tokio::task::spawn_blocking(move || {
