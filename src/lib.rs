@@ -72,7 +72,7 @@
 //! folder, for one process; PostgreSQL and a place that all see, for any number of equal replicas.
 //!
 //! The pure core is always there; feature `server` adds store, worker, http and web, feature `client` adds the client,
-//! feature `experiments` adds the experiments with their plotting.
+//! feature `otel` sends spans to a collector, feature `experiments` adds the experiments with their plotting.
 //!
 //! # The life of a map
 //!

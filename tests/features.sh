@@ -17,6 +17,7 @@ absent() { # absent FLAGS NAME... : none of the crates NAME is a normal dependen
   done
 }
 
+absent "" opentelemetry opentelemetry-otlp tracing-opentelemetry
 absent "--no-default-features" tokio axum sqlx plotters
 absent "--no-default-features --features client" axum sqlx plotters
 # The check itself must be able to fail: the default features do name all three.
@@ -26,7 +27,7 @@ if absent "--all-features" axum >/dev/null 2>&1; then
 fi
 
 for flags in "--no-default-features" "--no-default-features --features client" "--no-default-features --features server" \
-  "--no-default-features --features experiments"; do
+  "--no-default-features --features experiments" "--no-default-features --features otel"; do
   echo "cargo check $flags"
   # shellcheck disable=SC2086
   cargo check --locked --quiet $flags

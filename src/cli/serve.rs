@@ -49,6 +49,7 @@ impl Serve {
             server.stop().await;
             Ok(())
         })??;
+        telemetry::finish();
         Ok(Done::Entirely)
     }
 }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use axum::Json;
-use axum::extract::State;
+use axum::extract::{Extension, State};
 use axum::http::{HeaderName, StatusCode, header};
 use serde::Deserialize;
 use utoipa::IntoParams;
@@ -18,7 +18,9 @@ use super::sessions::SessionPath;
 use super::state::AppState;
 use super::watch::ended_job;
 use crate::api::{Job, NewMerge, Page};
-use crate::model::JobId;
+use crate::model::{JobId, TraceParent};
+use crate::store::AskedMerge;
+use crate::telemetry;
 
 /// The job of a path.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -64,14 +66,20 @@ pub(super) async fn merge(
     State(state): State<AppState>,
     Path(SessionPath { session }): Path<SessionPath>,
     NewId(id): NewId,
+    Extension(trace): Extension<TraceParent>,
     JsonBody(new): JsonBody<NewMerge>,
 ) -> ApiResult<(StatusCode, [(HeaderName, String); 2], Json<Job>)> {
     let standing = state.store.get_session(&session).await?;
     let request = rules::read_merge(&state, &standing, new).await?;
+    let asked = AskedMerge {
+        request,
+        trace: Some(trace),
+    };
     let job = state
         .store
-        .enqueue_merge(&session, JobId::new(id), request, state.clock.now())
+        .enqueue_merge(&session, JobId::new(id), asked, state.clock.now())
         .await?;
+    telemetry::tell_job(&job.id);
     let headers = [
         (header::LOCATION, format!("/v1/jobs/{}", job.id)),
         (header::RETRY_AFTER, "1".to_owned()),

@@ -1,7 +1,7 @@
 //! Maps: pushed by robots, and read back.
 
 use axum::Json;
-use axum::extract::State;
+use axum::extract::{Extension, State};
 use axum::http::{HeaderMap, HeaderName, StatusCode, header};
 use axum::response::Response;
 use bytes::Bytes;
@@ -20,8 +20,9 @@ use crate::api::{Map, Page, Pushed};
 use crate::codec::{OccupancyGridMessage, decode_cells, encode_cells, encode_png};
 use crate::failpoint::{self, Point};
 use crate::meters;
-use crate::model::{JobId, MapId, NewMap, RobotId, SessionId, SessionSettings};
+use crate::model::{JobId, MapId, NewMap, RobotId, SessionId, SessionSettings, TraceParent};
 use crate::store::{AddMap, StoreError, keep_blob};
+use crate::telemetry;
 
 /// The robot of a path.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -84,6 +85,7 @@ pub(super) async fn push(
     State(state): State<AppState>,
     Path(path): Path<RobotPath>,
     Query(query): Query<PictureQuery>,
+    Extension(trace): Extension<TraceParent>,
     UploadBody {
         content_type,
         bytes,
@@ -102,9 +104,12 @@ pub(super) async fn push(
             })
             .await?;
         drop(place);
-        keep(&state, path, kept).await
+        keep(&state, path, trace, kept).await
     });
     let pushed = pushed.await?;
+    if let Some(job) = &pushed.job {
+        telemetry::tell_job(job);
+    }
     let status = if pushed.created {
         StatusCode::CREATED
     } else {
@@ -118,6 +123,7 @@ pub(super) async fn push(
 async fn keep(
     state: &AppState,
     RobotPath { session, robot }: RobotPath,
+    trace: TraceParent,
     (decoded, frame_id, cells): (crate::codec::Decoded, Option<String>, Bytes),
 ) -> ApiResult<Pushed> {
     let blob = keep_blob(&*state.store, &state.blobs, cells.clone(), state.clock.now()).await?;
@@ -134,6 +140,7 @@ async fn keep(
         id: MapId::new(state.ids.next()),
         job: JobId::new(state.ids.next()),
         map,
+        trace: Some(trace),
     };
     let added = match state.store.add_map_and_enqueue(add.clone(), state.clock.now()).await {
         Err(StoreError::BlobRemoved(_)) => {

@@ -8,25 +8,42 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use tracing::Instrument;
+use tracing::{Instrument, Span, field};
 
 use super::auth::Route;
 use super::error::{Refusal, refusal_of_status};
 use super::state::AppState;
 use crate::api::PROBLEM_JSON;
 use crate::meters;
+use crate::model::TraceParent;
+use crate::telemetry;
 
 /// The header that carries a request's id, in both directions.
 pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
+/// The header that carries the trace of a request.
+const TRACE_PARENT: HeaderName = HeaderName::from_static("traceparent");
+
 /// The outermost layer: gives the request its id, follows it in the log, and turns every refusal, ours or the
 /// router's, into problem+json.
-pub(super) async fn follow(State(state): State<AppState>, request: Request, next: Next) -> Response {
+pub(super) async fn follow(State(state): State<AppState>, mut request: Request, next: Next) -> Response {
     let id = request_id(request.headers()).unwrap_or_else(|| state.ids.next().to_string());
     let method = request.method().clone();
     let path = request.uri().path().to_owned();
     let began = state.clock.monotonic();
-    let span = tracing::info_span!("request", %method, path, id);
+    let span = tracing::info_span!(
+        "request",
+        otel.kind = "server",
+        otel.name = field::Empty,
+        %method,
+        path,
+        request_id = id,
+        trace_id = field::Empty,
+        job = field::Empty,
+        status = field::Empty,
+    );
+    let trace = telemetry::join(&span, trace_parent(request.headers()), state.ids.next());
+    request.extensions_mut().insert(trace);
 
     let mut response = next.run(request).instrument(span.clone()).await;
     let _entered = span.enter();
@@ -38,8 +55,23 @@ pub(super) async fn follow(State(state): State<AppState>, request: Request, next
     }
     let took = state.clock.monotonic().saturating_sub(began);
     measure(&method, &response, took);
+    tell_route(&span, &method, &response);
     log_answer(&path, response.status(), took);
     response
+}
+
+/// The trace that a caller's request belongs to. What is no traceparent begins a trace of its own, as the standard wants it.
+fn trace_parent(headers: &HeaderMap) -> Option<TraceParent> {
+    let mut values = headers.get_all(TRACE_PARENT).iter();
+    let parent = values.next()?.to_str().ok()?.parse().ok();
+    if values.next().is_some() { None } else { parent }
+}
+
+fn tell_route(span: &Span, method: &Method, response: &Response) {
+    if let Some(route) = response.extensions().get::<Route>() {
+        span.record("otel.name", format!("{method} {}", route.path));
+    }
+    span.record("status", response.status().as_u16());
 }
 
 /// What a request that met no operation, or was refused before, is counted under.

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
+use tracing::Instrument as _;
 
 use super::auth::{Answers, Gate, RateLimit};
 use super::error::{ApiError, ApiResult};
@@ -133,7 +134,7 @@ impl AppState {
 pub(super) async fn to_the_end<T: Send + 'static>(
     work: impl Future<Output = ApiResult<T>> + Send + 'static,
 ) -> ApiResult<T> {
-    tokio::spawn(work).await.map_err(ApiError::internal)?
+    tokio::spawn(work.in_current_span()).await.map_err(ApiError::internal)?
 }
 
 impl Deref for AppState {

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::{Author, JobId, MethodSpec, ResultText, RobotId, Rule, SessionId, Timestamp, VersionNumber};
+use super::{Author, JobId, MethodSpec, ResultText, RobotId, Rule, SessionId, Timestamp, TraceParent, VersionNumber};
 
 /// A job as everybody may see it. Who holds its lease is the store's business.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,6 +44,8 @@ pub struct Job {
     pub started_at: Option<Timestamp>,
     /// When it ended.
     pub finished_at: Option<Timestamp>,
+    /// The span of the request that asked for it, if that is known.
+    pub trace: Option<TraceParent>,
 }
 
 /// What a job can do.

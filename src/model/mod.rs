@@ -14,6 +14,7 @@ mod pose;
 mod session;
 mod steering;
 mod text;
+mod trace;
 mod version;
 
 pub use call::CallName;
@@ -27,6 +28,7 @@ pub use pose::Pose;
 pub use session::{LabelFilter, Labels, Resolution, Session, SessionPatch, SessionSettings, Title};
 pub use steering::{Clash, Effect, Steering, Tie, beside};
 pub use text::{Author, Note};
+pub use trace::TraceParent;
 pub use version::{ResultText, Version, VersionInput, VersionSelector};
 
 /// Which method registers the maps of a session, and with which parameters.

@@ -42,7 +42,7 @@ use tokio::sync::broadcast;
 use crate::model::{
     BlobKey, Constraint, ConstraintId, Digest, Job, JobError, JobId, JobState, LabelFilter, MapId, MapRecord,
     MergeRequest, NewMap, ResultText, RobotId, RobotSummary, Session, SessionId, SessionPatch, SessionSettings,
-    StageSeconds, Timestamp, Version, VersionInput, VersionNumber, VersionSelector,
+    StageSeconds, Timestamp, TraceParent, Version, VersionInput, VersionNumber, VersionSelector,
 };
 
 /// Where records and the queue are kept. Every back end passes the same contract suite
@@ -114,7 +114,7 @@ pub trait Store: KeyStore + CallStore + Upkeep {
         &self,
         session: &SessionId,
         job: JobId,
-        request: MergeRequest,
+        asked: AskedMerge,
         now: Timestamp,
     ) -> Result<Job, StoreError>;
 
@@ -246,6 +246,21 @@ impl<K> Page<K> {
     }
 }
 
+/// A merge that somebody asks for.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct AskedMerge {
+    /// What is to be done.
+    pub request: MergeRequest,
+    /// The span of the request that asks for it.
+    pub trace: Option<TraceParent>,
+}
+
+impl From<MergeRequest> for AskedMerge {
+    fn from(request: MergeRequest) -> Self {
+        Self { request, trace: None }
+    }
+}
+
 /// A map to be added.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AddMap {
@@ -261,6 +276,8 @@ pub struct AddMap {
     pub job: JobId,
     /// The map.
     pub map: NewMap,
+    /// The span of the request that adds it: the job that it causes belongs to the same trace.
+    pub trace: Option<TraceParent>,
 }
 
 /// What became of a map that was to be added.

@@ -112,6 +112,7 @@ pub(super) fn job(row: &impl StoredRow) -> Result<Job, StoreError> {
         created_at: time(row, "created_at")?,
         started_at: optional(row, "started_at", Timestamp::from_microsecond)?,
         finished_at: optional(row, "finished_at", Timestamp::from_microsecond)?,
+        trace: optional_parsed(row, "trace")?,
     })
 }
 

@@ -53,6 +53,7 @@ impl Bench {
             id: MapId::new(SystemIds.next()),
             job: JobId::new(SystemIds.next()),
             map: NewMap::of(grid, blob),
+            trace: None,
         };
         self.store
             .add_map_and_enqueue(add, self.clock.now())
@@ -64,7 +65,7 @@ impl Bench {
     async fn ask(&self, request: MergeRequest) -> JobId {
         let id = JobId::new(SystemIds.next());
         self.store
-            .enqueue_merge(&self.session, id, request, self.clock.now())
+            .enqueue_merge(&self.session, id, request.into(), self.clock.now())
             .await
             .expect("is queued")
             .id

@@ -23,7 +23,7 @@ use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
-use tracing::{info, warn};
+use tracing::{Instrument as _, field, info, info_span, warn};
 
 pub use memory::Memory;
 pub use merge::Merges;
@@ -36,6 +36,7 @@ use crate::failpoint::{self, Point};
 use crate::meters::{self, Busy};
 use crate::model::{Job, JobError, JobState, Timestamp};
 use crate::store::{Change, Claim, Lease, Retry, Store, StoreError};
+use crate::telemetry;
 use lease::Ended;
 
 /// Takes jobs from the queue and does them. Clones are the same worker.
@@ -147,13 +148,20 @@ impl Worker {
         let Some(Claim { lease, job }) = claimed else {
             return Ok(Ran::Empty);
         };
+        let span =
+            info_span!("job", job = %job.id, session = %job.session, attempt = job.attempt, trace_id = field::Empty);
+        let _ = telemetry::join(&span, job.trace, job.id.uuid()); // a job asks nobody else for anything
+        self.attempt(lease, job, stop).instrument(span).await?;
+        Ok(Ran::Job)
+    }
+
+    async fn attempt(&self, lease: Lease, job: Job, stop: &CancellationToken) -> Result<(), StoreError> {
         info!(job = %job.id, session = %job.session, attempt = job.attempt, "job begins");
         let _busy = Busy::begin(self.since(job.run_after));
         let control = RunControl::start(Arc::clone(&self.clock), Some(self.settings.deadline));
         let _cancelled_when_dropped = control.cancel_on_drop();
         let ended = self.hold(&lease, &job, &control, stop).await;
-        self.settle(&lease, &job, ended).await?;
-        Ok(Ran::Job)
+        self.settle(&lease, &job, ended).await
     }
 
     /// Writes down how a job ended, patiently: the work is done, and the lease holds for a while.

@@ -50,6 +50,7 @@ impl House {
             id: MapId::new(SystemIds.next()),
             job: JobId::new(SystemIds.next()),
             map: NewMap::of(&OccupancyGrid::unknown(lattice), blob),
+            trace: None,
         };
         let added = self
             .sweeper

@@ -121,7 +121,7 @@ impl Bench {
         let id = JobId::new(SystemIds.next());
         let request = MergeRequest::default();
         self.store
-            .enqueue_merge(&self.session, id, request, self.clock.now())
+            .enqueue_merge(&self.session, id, request.into(), self.clock.now())
             .await
             .expect("is queued")
             .id

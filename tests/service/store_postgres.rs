@@ -221,7 +221,7 @@ async fn a_store_whose_connections_are_cut_works_on_and_hears_changes_again() {
 async fn enqueue_when_possible(store: &AnyStore, id: &mapweld::model::SessionId) -> Result<(), StoreError> {
     let job = crate::store_contract::prelude::job_id();
     let request = mapweld::model::MergeRequest::default();
-    store.enqueue_merge(id, job, request, at(0)).await.map(drop)
+    store.enqueue_merge(id, job, request.into(), at(0)).await.map(drop)
 }
 
 #[tokio::test]

@@ -4,8 +4,8 @@ use sqlx::PgConnection;
 
 use super::rows::{self, text};
 use super::{Failed, sessions};
-use crate::model::{Job, JobId, MergeRequest, SessionId, Timestamp};
-use crate::store::{Missing, Page, QueueDepth, QueueLimits, QueueScope, StoreError};
+use crate::model::{Job, JobId, SessionId, Timestamp, TraceParent};
+use crate::store::{AskedMerge, Missing, Page, QueueDepth, QueueLimits, QueueScope, StoreError};
 
 /// The key that the jobs share which uploads ask for.
 const AUTO_MERGE: &str = "auto_merge";
@@ -19,6 +19,7 @@ pub(super) async fn ensure_auto_merge(
     db: &mut PgConnection,
     session: &SessionId,
     new: JobId,
+    trace: Option<TraceParent>,
     limits: &QueueLimits,
     now: Timestamp,
 ) -> Result<JobId, StoreError> {
@@ -30,33 +31,28 @@ pub(super) async fn ensure_auto_merge(
             .fetch_optional(&mut *db)
             .await
             .failed()?;
-    match waiting {
-        Some(row) => rows::parsed(&row, "id"),
-        None => Ok(insert(
-            db,
-            session,
-            new,
-            &MergeRequest::default(),
-            Some(AUTO_MERGE),
-            limits,
-            now,
-        )
-        .await?
-        .id),
+    if let Some(row) = waiting {
+        return rows::parsed(&row, "id");
     }
+    let asked = AskedMerge {
+        trace,
+        ..AskedMerge::default()
+    };
+    let job = insert(db, session, new, &asked, Some(AUTO_MERGE), limits, now).await?;
+    Ok(job.id)
 }
 
 pub(super) async fn enqueue_merge(
     db: &mut PgConnection,
     session: &SessionId,
     id: JobId,
-    request: &MergeRequest,
+    asked: &AskedMerge,
     limits: &QueueLimits,
     now: Timestamp,
 ) -> Result<Job, StoreError> {
     sessions::held(db, session).await?;
     match get(db, id).await {
-        Err(StoreError::NotFound(_)) => insert(db, session, id, request, None, limits, now).await,
+        Err(StoreError::NotFound(_)) => insert(db, session, id, asked, None, limits, now).await,
         there => there,
     }
 }
@@ -65,7 +61,7 @@ async fn insert(
     db: &mut PgConnection,
     session: &SessionId,
     id: JobId,
-    request: &MergeRequest,
+    asked: &AskedMerge,
     dedup_key: Option<&str>,
     limits: &QueueLimits,
     now: Timestamp,
@@ -73,16 +69,17 @@ async fn insert(
     refuse_when_full(db, session, limits).await?;
     let row = sqlx::query(
         "INSERT INTO jobs (id, session, kind, request, dedup_key, state, attempt, max_attempts, run_after, lease_token,
-                           progress, cancel_requested, timings, created_at)
-         VALUES ($1, $2, 'merge', $3, $4, 'queued', 0, $5, $6, 0, 0.0, FALSE, '[]', $6)
+                           progress, cancel_requested, timings, created_at, trace)
+         VALUES ($1, $2, 'merge', $3, $4, 'queued', 0, $5, $6, 0, 0.0, FALSE, '[]', $6, $7)
          RETURNING *",
     )
     .bind(id.to_string())
     .bind(session.as_str())
-    .bind(text(request))
+    .bind(text(&asked.request))
     .bind(dedup_key)
     .bind(i64::from(limits.max_attempts))
     .bind(now.as_microsecond())
+    .bind(asked.trace.map(|trace| trace.to_string()))
     .fetch_one(db)
     .await
     .failed()?;

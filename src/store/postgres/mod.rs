@@ -28,15 +28,15 @@ use tokio_util::task::AbortOnDropHandle;
 use super::error::Part;
 use super::rows;
 use super::{
-    AddMap, Added, Change, Claim, Created, Lease, NewVersion, Page, ProgressReport, QueueDepth, QueueLimits, Renewed,
-    Retry, Store, StoreError,
+    AddMap, Added, AskedMerge, Change, Claim, Created, Lease, NewVersion, Page, ProgressReport, QueueDepth,
+    QueueLimits, Renewed, Retry, Store, StoreError,
 };
 use crate::failpoint::{self, Point};
 use crate::meters;
 use crate::model::{
-    Constraint, ConstraintId, Job, JobError, JobId, JobState, LabelFilter, MapId, MapRecord, MergeRequest, ResultText,
-    RobotId, RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version,
-    VersionNumber, VersionSelector,
+    Constraint, ConstraintId, Job, JobError, JobId, JobState, LabelFilter, MapId, MapRecord, ResultText, RobotId,
+    RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionNumber,
+    VersionSelector,
 };
 use pool::{PATIENCE, Trust};
 use queue::Tried;
@@ -251,12 +251,12 @@ impl Store for PostgresStore {
         &self,
         session: &SessionId,
         job: JobId,
-        request: MergeRequest,
+        asked: AskedMerge,
         now: Timestamp,
     ) -> Result<Job, StoreError> {
         self.within(async {
             let mut tx = self.begin().await?;
-            let job = jobs::enqueue_merge(&mut tx, session, job, &request, &self.limits, now).await?;
+            let job = jobs::enqueue_merge(&mut tx, session, job, &asked, &self.limits, now).await?;
             commit(tx, &[changed(&job)]).await?;
             Ok(job)
         })

@@ -26,7 +26,7 @@ pub(super) async fn add_and_enqueue(
         session = sessions::update(db, session, now).await?;
     }
     let job = if session.settings.auto_merge {
-        Some(jobs::ensure_auto_merge(db, &add.session, add.job, limits, now).await?)
+        Some(jobs::ensure_auto_merge(db, &add.session, add.job, add.trace, limits, now).await?)
     } else {
         None
     };

@@ -26,15 +26,15 @@ use tokio::sync::broadcast;
 use super::error::Part;
 use super::rows::{self, text};
 use super::{
-    AddMap, Added, Change, Claim, Created, Lease, NewVersion, Page, ProgressReport, QueueDepth, QueueLimits, Renewed,
-    Retry, Store, StoreError,
+    AddMap, Added, AskedMerge, Change, Claim, Created, Lease, NewVersion, Page, ProgressReport, QueueDepth,
+    QueueLimits, Renewed, Retry, Store, StoreError,
 };
 use crate::failpoint::{self, Point};
 use crate::meters;
 use crate::model::{
-    Constraint, ConstraintId, Job, JobError, JobId, JobState, LabelFilter, MapId, MapRecord, MergeRequest, ResultText,
-    RobotId, RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version,
-    VersionNumber, VersionSelector,
+    Constraint, ConstraintId, Job, JobError, JobId, JobState, LabelFilter, MapId, MapRecord, ResultText, RobotId,
+    RobotSummary, Session, SessionId, SessionPatch, SessionSettings, StageSeconds, Timestamp, Version, VersionNumber,
+    VersionSelector,
 };
 
 /// Records in one SQLite file.
@@ -339,11 +339,11 @@ impl Store for SqliteStore {
         &self,
         session: &SessionId,
         job: JobId,
-        request: MergeRequest,
+        asked: AskedMerge,
         now: Timestamp,
     ) -> Result<Job, StoreError> {
         let mut tx = self.begin().await?;
-        let job = jobs::enqueue_merge(&mut tx, session, job, &request, &self.limits, now).await?;
+        let job = jobs::enqueue_merge(&mut tx, session, job, &asked, &self.limits, now).await?;
         tx.commit().await.failed()?;
         self.announce(Change::Job(job.session.clone(), job.id, job.state));
         Ok(job)

@@ -20,6 +20,7 @@ pub(crate) mod rooms;
 mod server;
 mod steering;
 mod tls;
+mod traces;
 mod upgrade;
 mod upkeep;
 mod uploads;

@@ -3,6 +3,7 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use mapweld::api::{Job, Problem, Pushed};
@@ -22,6 +23,7 @@ pub(crate) struct TestServer {
     url: String,
     client: Client,
     folder: TempDir,
+    log: Arc<Mutex<Vec<String>>>,
 }
 
 impl TestServer {
@@ -32,7 +34,21 @@ impl TestServer {
 
     /// A server over a folder that was used before.
     pub(crate) fn start_in(folder: TempDir, options: &[&str]) -> Self {
-        let mut child = command(folder.path(), options).spawn().expect("the binary starts");
+        let command = command(folder.path(), options);
+        Self::started(command, folder)
+    }
+
+    /// A server with these variables.
+    #[cfg(feature = "otel")]
+    pub(crate) fn start_with(options: &[&str], variables: &[(&str, &str)]) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut command = command(folder.path(), options);
+        command.envs(variables.iter().copied());
+        Self::started(command, folder)
+    }
+
+    fn started(mut command: Command, folder: TempDir) -> Self {
+        let mut child = command.spawn().expect("the binary starts");
         let mut line = String::new();
         let stdout = child.stdout.take().expect("it is piped");
         BufReader::new(stdout).read_line(&mut line).expect("it can be read");
@@ -42,14 +58,33 @@ impl TestServer {
             stderr.read_to_string(&mut errors).expect("it can be read");
             panic!("the server says {line:?} and {errors}");
         };
-        // nobody reads the log from here on: a full pipe would stop the server
-        let log = child.stderr.take().expect("it is piped");
-        std::thread::spawn(move || BufReader::new(log).lines().for_each(drop));
+        // read from here on: a full pipe would stop the server
+        let log = Arc::new(Mutex::new(Vec::new()));
+        let (lines, told) = (child.stderr.take().expect("it is piped"), Arc::clone(&log));
+        std::thread::spawn(move || {
+            for line in BufReader::new(lines).lines().map_while(Result::ok) {
+                told.lock().expect("no panic").push(line);
+            }
+        });
         Self {
             url: url.to_owned(),
             child,
             client: Client::builder().timeout(PATIENCE).build().expect("a client"),
             folder,
+            log,
+        }
+    }
+
+    /// What is found in the first line of the log in which something is found; waits for it.
+    pub(crate) async fn log_line<T>(&self, find: impl Fn(&str) -> Option<T>) -> T {
+        let began = std::time::Instant::now();
+        loop {
+            let lines = self.log.lock().expect("no panic").clone();
+            if let Some(found) = lines.iter().find_map(|line| find(line)) {
+                return found;
+            }
+            assert!(began.elapsed() < PATIENCE, "no such line: {lines:#?}");
+            tokio::time::sleep(Duration::from_millis(20)).await;
         }
     }
 

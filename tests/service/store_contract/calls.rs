@@ -172,12 +172,12 @@ pub(crate) async fn a_job_or_a_constraint_that_is_made_again_is_the_one_that_is_
     let ward = quiet_session(&store, "ward").await;
     let id = job_id();
     let first = store
-        .enqueue_merge(&ward, id, MergeRequest::default(), at(1))
+        .enqueue_merge(&ward, id, AskedMerge::default(), at(1))
         .await
         .expect("is queued");
     let claimed = claim(&store, at(2)).await;
     let again = store
-        .enqueue_merge(&ward, id, MergeRequest::default(), at(3))
+        .enqueue_merge(&ward, id, AskedMerge::default(), at(3))
         .await
         .expect("is there");
     assert_eq!((again.id, again.state), (first.id, JobState::Running));

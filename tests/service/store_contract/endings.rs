@@ -98,7 +98,7 @@ pub(crate) async fn a_dry_run_ends_with_its_result_and_no_version(store: AnyStor
         author: None,
     };
     store
-        .enqueue_merge(&id, job_id(), request.clone(), at(0))
+        .enqueue_merge(&id, job_id(), request.clone().into(), at(0))
         .await
         .expect("is queued");
     let held = claim(&store, at(1)).await;

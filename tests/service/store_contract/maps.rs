@@ -164,7 +164,7 @@ pub(crate) async fn a_full_queue_of_a_session_refuses_the_job_and_the_map_that_n
     for _ in 0..LIMITS.per_session {
         enqueue(&store, &id, at(0)).await;
     }
-    let merge = store.enqueue_merge(&id, job_id(), MergeRequest::default(), at(0)).await;
+    let merge = store.enqueue_merge(&id, job_id(), AskedMerge::default(), at(0)).await;
     assert!(matches!(
         merge,
         Err(StoreError::QueueFull {

@@ -10,7 +10,8 @@ pub(crate) use mapweld::model::{
     Timestamp, VersionInput, VersionNumber, VersionSelector,
 };
 pub(crate) use mapweld::store::{
-    AddMap, Added, Change, Claim, Lease, Missing, NewVersion, Page, ProgressReport, QueueScope, Retry, StoreError,
+    AddMap, Added, AskedMerge, Change, Claim, Lease, Missing, NewVersion, Page, ProgressReport, QueueScope, Retry,
+    StoreError,
 };
 
 pub(crate) use super::{AnyStore, LEASE, LIMITS};
@@ -58,6 +59,7 @@ pub(crate) fn upload(session: &SessionId, robot_name: &str, seed: u16) -> AddMap
         id: MapId::new(SystemIds.next()),
         job: job_id(),
         map: a_map(seed),
+        trace: None,
     }
 }
 
@@ -82,7 +84,7 @@ pub(crate) async fn quiet_session(store: &AnyStore, name: &str) -> SessionId {
 
 pub(crate) async fn enqueue(store: &AnyStore, session: &SessionId, now: Timestamp) -> Job {
     store
-        .enqueue_merge(session, job_id(), MergeRequest::default(), now)
+        .enqueue_merge(session, job_id(), AskedMerge::default(), now)
         .await
         .expect("is queued")
 }

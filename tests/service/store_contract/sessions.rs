@@ -61,7 +61,7 @@ pub(crate) async fn a_session_that_is_not_there_is_not_found_by_any_door(store: 
     ));
     let latest = store.get_version(&id, VersionSelector::Latest).await;
     assert!(missing(latest.expect_err("no session")));
-    let merge = store.enqueue_merge(&id, job_id(), MergeRequest::default(), at(0)).await;
+    let merge = store.enqueue_merge(&id, job_id(), AskedMerge::default(), at(0)).await;
     assert!(missing(merge.expect_err("no session")));
     assert!(matches!(
         store.get_job(job_id()).await,
