@@ -126,6 +126,7 @@ impl Server {
             blobs: rooms.blobs.clone(),
             clock: Arc::clone(&rooms.clock),
             keep_versions: config.upkeep.keep_versions,
+            keep_jobs: config.upkeep.keep_jobs,
             grace: config.upkeep.blob_grace,
         };
         let (every, stop_sweeping) = (config.upkeep.sweep_every, stop.clone());

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::SpoolError;
-use crate::api::Problem;
+use crate::api::{Problem, ProblemCode};
 
 /// Why a call to the server did not do what it should.
 #[derive(Debug, thiserror::Error)]
@@ -50,6 +50,14 @@ pub enum ClientError {
         /// When it wants to be asked again.
         retry_after: Option<Duration>,
     },
+    /// What arrived is not what the server sent.
+    #[error("what {server} sent was damaged on its way: {detail}")]
+    Damaged {
+        /// The server's address.
+        server: String,
+        /// Which digest does not fit.
+        detail: String,
+    },
     /// The call was tried again and again in vain.
     #[error("gave up after {attempts} attempts: {last}")]
     GaveUp {
@@ -76,8 +84,12 @@ impl ClientError {
     #[must_use]
     pub fn is_transient(&self) -> bool {
         match self {
-            Self::Unreachable { .. } | Self::GaveUp { .. } => true,
-            Self::Refused { problem, .. } => passes_by_itself(problem.status),
+            Self::Unreachable { .. } | Self::Damaged { .. } | Self::GaveUp { .. } => true,
+            Self::Refused { problem, .. } => {
+                // another attempt is being answered; the body was damaged on its way
+                let passing = [ProblemCode::IdempotencyKeyInUse, ProblemCode::DigestMismatch];
+                passing.contains(&problem.code) || passes_by_itself(problem.status)
+            }
             Self::Foreign { status, .. } => passes_by_itself(*status),
             Self::BadServer { .. } | Self::BadKey | Self::BadAuthority | Self::JobEnded { .. } | Self::Spool(_) => {
                 false

@@ -1,10 +1,12 @@
 //! The robot's side of the service: push a map, wait for the version, fetch it.
 //!
-//! Imports `model` and `api`; nothing else of the server, for a robot needs a small binary. Every call is safe to
+//! Imports `model`, `api` and `clock`; nothing else of the server, for a robot needs a small binary. Every call is safe to
 //! repeat (a push of the same content is the same map), so every call that may succeed later is tried again: with
-//! exponential back-off, never sooner than the server's Retry-After asks, until [`Patience`] ends.
+//! exponential back-off, never sooner than the server's Retry-After asks, until [`Patience`] ends. Uploads tell their
+//! digest, and what is fetched is held against its own.
 
 mod error;
+mod integrity;
 mod retry;
 mod spool;
 #[cfg(test)]
@@ -19,12 +21,14 @@ pub use upload::{FilePart, Upload};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use bytes::Bytes;
-use reqwest::header::HeaderValue;
-use reqwest::{Method, RequestBuilder, Response, StatusCode, Url, header, multipart};
+use bytes::{Bytes, BytesMut};
+use futures_util::TryStreamExt as _;
+use reqwest::header::{HeaderMap, HeaderValue};
+use reqwest::{Method, RequestBuilder, StatusCode, Url, header, multipart};
 use serde::de::DeserializeOwned;
 
 use crate::api;
+use crate::clock::{Ids as _, SystemIds};
 use crate::model::{JobId, SessionId, SessionSettings, ShownKey, VersionSelector};
 
 /// The longest that the server is asked to hold a question for a job.
@@ -49,6 +53,35 @@ pub struct Client {
 /// The value of `Authorization`. Sensitive: its `Debug` tells nothing.
 #[derive(Debug)]
 struct Credential(HeaderValue);
+
+/// An answer of success, whole and undamaged.
+struct Answer {
+    status: StatusCode,
+    body: Bytes,
+}
+
+/// A map on its way to the server.
+struct Push {
+    path: String,
+    /// The server's `Idempotency-Key`: whichever attempt arrives first counts, and all are answered the same.
+    name: String,
+    content_type: String,
+    digest: String,
+    body: Bytes,
+}
+
+impl Push {
+    fn request(&self, client: &Client) -> RequestBuilder {
+        let seconds = (self.body.len() / SLOWEST_LINK) as u64;
+        client
+            .request(Method::POST, &self.path)
+            .timeout(ANSWER_WITHIN + Duration::from_secs(seconds))
+            .header(header::CONTENT_TYPE, &self.content_type)
+            .header("content-digest", &self.digest)
+            .header("idempotency-key", &self.name)
+            .body(self.body.clone())
+    }
+}
 
 impl Client {
     /// A client of the server at `server`, e.g. `http://127.0.0.1:8080`. `seed` decides only about the jitter of waits;
@@ -148,7 +181,8 @@ impl Client {
     /// # Errors
     /// When the server refuses the map, or cannot be reached for longer than the patience lasts.
     pub async fn push_map(&self, to: &Recipient, upload: &Upload) -> Result<api::Pushed, ClientError> {
-        self.read(|| self.push_request(to, upload)).await
+        let push = self.push(to, upload).await?;
+        self.read(|| push.request(self)).await
     }
 
     /// Pushes a map in one attempt.
@@ -156,7 +190,8 @@ impl Client {
     /// # Errors
     /// As [`Client::push_map`]; [`ClientError::is_transient`] tells whether to try again.
     pub async fn push_map_once(&self, to: &Recipient, upload: &Upload) -> Result<api::Pushed, ClientError> {
-        self.decode(self.attempt(self.push_request(to, upload)).await?).await
+        let push = self.push(to, upload).await?;
+        self.decode(&self.attempt(push.request(self)).await?)
     }
 
     /// Waits until a job has ended, and gives the version that it published; `seen` is shown the job whenever it is
@@ -200,11 +235,11 @@ impl Client {
     /// When there is no such version or file, or the server cannot be reached.
     pub async fn fetch(&self, session: &SessionId, which: VersionSelector, file: &str) -> Result<Bytes, ClientError> {
         let path = format!("v1/sessions/{session}/versions/{which}/{file}");
-        let response = self.call(|| self.request(Method::GET, &path)).await?;
-        response.bytes().await.map_err(|error| self.unreachable(&error))
+        Ok(self.call(|| self.request(Method::GET, &path)).await?.body)
     }
 
-    fn push_request(&self, to: &Recipient, upload: &Upload) -> RequestBuilder {
+    /// Puts a push together: its attempts send the same bytes under the same name.
+    async fn push(&self, to: &Recipient, upload: &Upload) -> Result<Push, ClientError> {
         let part = |file: &FilePart| {
             let length = file.content.len() as u64;
             multipart::Part::stream_with_length(file.content.clone(), length).file_name(file.name.clone())
@@ -212,11 +247,19 @@ impl Client {
         let form = multipart::Form::new()
             .part("map", part(&upload.map))
             .part("image", part(&upload.image));
-        let bytes = upload.map.content.len() + upload.image.content.len();
-        let path = format!("v1/sessions/{}/robots/{}/maps", to.session, to.robot);
-        self.request(Method::POST, &path)
-            .timeout(ANSWER_WITHIN + Duration::from_secs((bytes / SLOWEST_LINK) as u64))
-            .multipart(form)
+        let content_type = format!("multipart/form-data; boundary={}", form.boundary());
+        let body: BytesMut = form
+            .into_stream()
+            .try_collect()
+            .await
+            .map_err(|error| self.unreachable(&error))?;
+        Ok(Push {
+            path: format!("v1/sessions/{}/robots/{}/maps", to.session, to.robot),
+            name: SystemIds.next().to_string(),
+            content_type,
+            digest: integrity::told(&body),
+            body: body.freeze(),
+        })
     }
 
     fn request(&self, method: Method, path: &str) -> RequestBuilder {
@@ -229,16 +272,15 @@ impl Client {
     }
 
     async fn read<T: DeserializeOwned>(&self, request: impl Fn() -> RequestBuilder) -> Result<T, ClientError> {
-        let response = self.call(request).await?;
-        self.decode(response).await
+        self.decode(&self.call(request).await?)
     }
 
     /// Sends a request until it succeeds, is refused for good, or patience ends.
-    async fn call(&self, request: impl Fn() -> RequestBuilder) -> Result<Response, ClientError> {
+    async fn call(&self, request: impl Fn() -> RequestBuilder) -> Result<Answer, ClientError> {
         let mut backoff = Backoff::new(self.patience, self.seed.fetch_add(1, Ordering::Relaxed));
         loop {
             let error = match self.attempt(request()).await {
-                Ok(response) => return Ok(response),
+                Ok(answer) => return Ok(answer),
                 Err(error) if error.is_transient() => error,
                 Err(error) => return Err(error),
             };
@@ -253,13 +295,18 @@ impl Client {
         }
     }
 
-    async fn attempt(&self, request: RequestBuilder) -> Result<Response, ClientError> {
+    async fn attempt(&self, request: RequestBuilder) -> Result<Answer, ClientError> {
         let response = request.send().await.map_err(|error| self.unreachable(&error))?;
-        if response.status().is_success() {
-            return Ok(response);
+        let (status, headers) = (response.status(), response.headers().clone());
+        if status.is_success() {
+            let body = response.bytes().await.map_err(|error| self.unreachable(&error))?;
+            integrity::check(&headers, &body).map_err(|detail| ClientError::Damaged {
+                server: self.base.to_string(),
+                detail,
+            })?;
+            return Ok(Answer { status, body });
         }
-        let status = response.status();
-        let retry_after = retry_after(&response);
+        let retry_after = retry_after(&headers);
         let body = response.bytes().await.unwrap_or_default();
         Err(match serde_json::from_slice::<api::Problem>(&body) {
             Ok(problem) => ClientError::Refused {
@@ -275,13 +322,11 @@ impl Client {
         })
     }
 
-    async fn decode<T: DeserializeOwned>(&self, response: Response) -> Result<T, ClientError> {
-        let status: StatusCode = response.status();
-        let body = response.bytes().await.map_err(|error| self.unreachable(&error))?;
-        serde_json::from_slice(&body).map_err(|error| ClientError::Foreign {
+    fn decode<T: DeserializeOwned>(&self, answer: &Answer) -> Result<T, ClientError> {
+        serde_json::from_slice(&answer.body).map_err(|error| ClientError::Foreign {
             server: self.base.to_string(),
-            status: status.as_u16(),
-            detail: format!("{error} in {}", beginning(&body)),
+            status: answer.status.as_u16(),
+            detail: format!("{error} in {}", beginning(&answer.body)),
             retry_after: None,
         })
     }
@@ -303,8 +348,8 @@ fn is_loopback(host: impl std::fmt::Display) -> bool {
     host == "localhost" || address.is_ok_and(|address| address.is_loopback())
 }
 
-fn retry_after(response: &Response) -> Option<Duration> {
-    let text = |name| response.headers().get(name).and_then(|value| value.to_str().ok());
+fn retry_after(headers: &HeaderMap) -> Option<Duration> {
+    let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
     retry::retry_after(text(header::RETRY_AFTER)?, text(header::DATE))
 }
 

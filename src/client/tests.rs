@@ -140,6 +140,67 @@ async fn a_push_is_tried_again_while_the_server_is_overloaded_broken_off_or_behi
     );
 }
 
+/// The value of a header of a request.
+fn header_of<'a>(request: &'a str, name: &str) -> Option<&'a str> {
+    let line = request
+        .lines()
+        .find(|line| line.to_lowercase().starts_with(&format!("{name}: ")))?;
+    Some(&line[name.len() + 2..])
+}
+
+#[tokio::test]
+async fn all_attempts_of_a_push_have_one_name_and_the_digest_of_their_body() {
+    let (server, asked) = scripted(vec![
+        answer(
+            "409 Conflict",
+            "retry-after: 0\r\n",
+            &problem(ProblemCode::IdempotencyKeyInUse),
+        ),
+        answer("400 Bad Request", "", &problem(ProblemCode::DigestMismatch)),
+        answer("200 OK", "", PUSHED),
+        answer("200 OK", "", PUSHED),
+    ])
+    .await;
+    let client = client(&server);
+    for _ in 0..2 {
+        client
+            .push_map(&recipient(), &upload())
+            .await
+            .expect("it is taken in the end");
+    }
+    let asked = asked.lock().expect("no panic");
+    let names: Vec<_> = asked
+        .iter()
+        .map(|request| header_of(request, "idempotency-key"))
+        .collect();
+    assert_eq!((names[0], names[1]), (names[1], names[2]));
+    assert!(names[0].is_some_and(|name| name.len() == 36), "{names:?}");
+    assert_ne!(names[2], names[3], "another push has another name");
+    for request in asked.iter() {
+        let (_, body) = request.split_once("\r\n\r\n").expect("a body");
+        assert_eq!(
+            header_of(request, "content-digest"),
+            Some(integrity::told(body.as_bytes()).as_str())
+        );
+    }
+}
+
+#[tokio::test]
+async fn a_file_that_was_damaged_on_its_way_is_fetched_again() {
+    let digest = format!("repr-digest: {}\r\n", integrity::told(b"P5 whole"));
+    let (server, asked) = scripted(vec![
+        answer("200 OK", &digest, "P5 wh0le"),
+        answer("200 OK", &digest, "P5 whole"),
+    ])
+    .await;
+    let session = "s".parse().expect("a name");
+    let file = client(&server)
+        .fetch(&session, VersionSelector::Latest, "map.pgm")
+        .await;
+    assert_eq!(file.expect("it is fetched"), "P5 whole");
+    assert_eq!(asked.lock().expect("no panic").len(), 2);
+}
+
 #[tokio::test]
 async fn the_server_is_not_asked_again_before_the_time_that_it_names() {
     let (server, _) = scripted(vec![

@@ -19,6 +19,11 @@ pub struct UpkeepConfig {
     #[arg(long, env = "MAPWELD_BLOB_GRACE", default_value = "24h", value_parser = parse_duration, value_name = "TIME")]
     pub blob_grace: Duration,
 
+    /// How long jobs that have ended are kept; longer when a version that they published is. Default: as long as their
+    /// session.
+    #[arg(long, env = "MAPWELD_KEEP_JOBS", value_parser = parse_duration, value_name = "TIME")]
+    pub keep_jobs: Option<Duration>,
+
     /// How long the answer to a request with an `Idempotency-Key` is kept, and given again to one that comes with the same.
     #[arg(long, env = "MAPWELD_KEEP_ANSWERS", default_value = "24h", value_parser = parse_duration, value_name = "TIME")]
     pub keep_answers: Duration,

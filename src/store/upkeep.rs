@@ -36,6 +36,9 @@ pub trait Upkeep: Send + Sync {
     /// came after the last merged ones.
     async fn prune(&self, keep: Option<NonZeroU32>) -> Result<Pruned, StoreError>;
 
+    /// Deletes jobs that have ended before `before`, but none whose version is kept; says how many.
+    async fn prune_jobs(&self, before: Timestamp) -> Result<u64, StoreError>;
+
     /// Marks those of the blobs that no record names, and answers them.
     async fn mark_unneeded(&self, blobs: &[BlobKey], now: Timestamp) -> Result<Vec<BlobKey>, StoreError>;
 

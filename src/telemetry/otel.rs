@@ -29,7 +29,7 @@ where
     S: Subscriber + for<'span> LookupSpan<'span>,
 {
     let is_told = |name: &&str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
-    if !ENDPOINTS.iter().any(|name| is_told(&name)) {
+    if !ENDPOINTS.iter().any(is_told) {
         return Ok(None);
     }
     let exporter = SpanExporter::builder().with_http().build()?;

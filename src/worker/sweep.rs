@@ -29,6 +29,8 @@ pub struct Sweeper {
     pub clock: Arc<dyn Clock>,
     /// Versions that are kept of sessions that do not say; all when absent.
     pub keep_versions: Option<NonZeroU32>,
+    /// How long jobs that have ended are kept; as long as their session when absent.
+    pub keep_jobs: Option<Duration>,
     /// How long bytes that no record names are kept.
     pub grace: Duration,
 }
@@ -44,6 +46,8 @@ pub struct Swept {
     pub bytes: u64,
     /// Answers to named requests that were forgotten.
     pub answers: u64,
+    /// Jobs that were deleted.
+    pub jobs: u64,
 }
 
 /// Blobs that are marked together.
@@ -62,8 +66,8 @@ impl Sweeper {
                 () = stop.cancelled() => return,
                 swept = self.sweep() => match swept {
                     Ok(swept) if swept == Swept::default() => {}
-                    Ok(Swept { pruned: Pruned { versions, maps }, blobs, bytes, answers }) => {
-                        info!(versions, maps, blobs, bytes, answers, "swept");
+                    Ok(Swept { pruned: Pruned { versions, maps }, blobs, bytes, answers, jobs }) => {
+                        info!(versions, maps, blobs, bytes, answers, jobs, "swept");
                     }
                     Err(error) => warn!(%error, "not swept"),
                 },
@@ -81,8 +85,12 @@ impl Sweeper {
     /// When the records or the blobs are out of reach; what was done is done.
     pub async fn sweep(&self) -> Result<Swept, StoreError> {
         let pruned = self.store.prune(self.keep_versions).await?;
+        let jobs = match self.keep_jobs {
+            Some(keep) => self.store.prune_jobs(self.ago(keep)).await?,
+            None => 0,
+        };
         let (blobs, bytes) = self.remove_unneeded().await?;
-        let old = self.clock.now().checked_sub(MARK_MEMORY).unwrap_or(Timestamp::MIN);
+        let old = self.ago(MARK_MEMORY);
         self.store.forget_marks(old).await?;
         let answers = self.store.forget_calls(self.clock.now()).await?;
         for (what, count) in [
@@ -90,6 +98,7 @@ impl Sweeper {
             ("maps", pruned.maps),
             ("blobs", blobs),
             ("answers", answers),
+            ("jobs", jobs),
         ] {
             meters::swept(what, count);
         }
@@ -98,11 +107,16 @@ impl Sweeper {
             blobs,
             bytes,
             answers,
+            jobs,
         })
     }
 
+    fn ago(&self, time: Duration) -> Timestamp {
+        self.clock.now().checked_sub(time).unwrap_or(Timestamp::MIN)
+    }
+
     async fn remove_unneeded(&self) -> Result<(u64, u64), StoreError> {
-        let old = self.clock.now().checked_sub(self.grace).unwrap_or(Timestamp::MIN);
+        let old = self.ago(self.grace);
         let (mut blobs, mut bytes) = (0, 0);
         let grown_old = self.blobs.list().try_filter_map(move |kept| {
             let is_old = kept.written_at < old;

@@ -25,6 +25,7 @@ impl House {
             blobs: Blobs::open_folder(&folder.path().join("blobs")).expect("opens"),
             clock: Arc::new(SystemClock::new()),
             keep_versions: None,
+            keep_jobs: None,
             grace,
         };
         Self {

@@ -93,6 +93,34 @@ impl Database {
             .collect()
     }
 
+    /// Writes all of it into a file, as `pg_restore` reads it.
+    pub(crate) fn back_up(&self, file: &Path) {
+        let mut dump = Command::new("pg_dump");
+        dump.args(["--format=custom", "--username=postgres", "--host"])
+            .arg(&self.socket)
+            .arg("--file")
+            .arg(file)
+            .arg(&self.name);
+        succeeds(&mut dump);
+    }
+
+    /// Brings back what [`Self::back_up`] wrote, in place of what is there.
+    pub(crate) fn restore(&self, file: &Path) {
+        let mut restore = Command::new("pg_restore");
+        restore
+            .args([
+                "--clean",
+                "--if-exists",
+                "--exit-on-error",
+                "--username=postgres",
+                "--host",
+            ])
+            .arg(&self.socket)
+            .args(["--dbname", &self.name])
+            .arg(file);
+        succeeds(&mut restore);
+    }
+
     /// Runs the statements of a file.
     pub(crate) fn load(&self, file: &Path) {
         let told = Command::new("psql")
@@ -106,6 +134,15 @@ impl Database {
             .expect("psql runs");
         assert!(told.status.success(), "{}", String::from_utf8_lossy(&told.stderr));
     }
+}
+
+fn succeeds(command: &mut Command) {
+    let told = command.output().expect("the program runs");
+    assert!(
+        told.status.success(),
+        "{command:?}: {}",
+        String::from_utf8_lossy(&told.stderr)
+    );
 }
 
 /// The cluster. It ends, and its folder is removed, when the pipe to its keeper closes: that is when this process ends,

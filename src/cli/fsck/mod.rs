@@ -56,6 +56,7 @@ impl Fsck {
                 blobs: blobs.clone(),
                 clock: Arc::clone(&clock),
                 keep_versions: None,
+                keep_jobs: None,
                 grace: self.grace,
             });
             let mut check = Check::new(&*home.store, &blobs, &|finding| say(&finding.line()));

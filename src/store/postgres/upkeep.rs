@@ -35,6 +35,22 @@ impl Upkeep for PostgresStore {
         Ok(pruned)
     }
 
+    async fn prune_jobs(&self, before: Timestamp) -> Result<u64, StoreError> {
+        self.within(async {
+            let mut tx = self.begin().await?;
+            let deleted = sqlx::query(
+                "DELETE FROM jobs WHERE finished_at < $1 AND NOT EXISTS (SELECT 1 FROM versions WHERE versions.job = jobs.id)",
+            )
+            .bind(before.as_microsecond())
+            .execute(&mut *tx)
+            .await
+            .failed()?;
+            commit(tx, &[]).await?;
+            Ok(deleted.rows_affected())
+        })
+        .await
+    }
+
     async fn mark_unneeded(&self, blobs: &[BlobKey], now: Timestamp) -> Result<Vec<BlobKey>, StoreError> {
         let mut marked = Vec::new();
         for blob in blobs {

@@ -26,6 +26,19 @@ impl Upkeep for SqliteStore {
         Ok(pruned)
     }
 
+    async fn prune_jobs(&self, before: Timestamp) -> Result<u64, StoreError> {
+        let mut tx = self.begin().await?;
+        let deleted = sqlx::query(
+            "DELETE FROM jobs WHERE finished_at < ?1 AND NOT EXISTS (SELECT 1 FROM versions WHERE versions.job = jobs.id)",
+        )
+        .bind(before.as_microsecond())
+        .execute(&mut *tx)
+        .await
+        .failed()?;
+        tx.commit().await.failed()?;
+        Ok(deleted.rows_affected())
+    }
+
     async fn mark_unneeded(&self, blobs: &[BlobKey], now: Timestamp) -> Result<Vec<BlobKey>, StoreError> {
         let mut tx = self.begin().await?;
         let mut marked = Vec::new();

@@ -11,6 +11,8 @@ use serde_json::Value;
 use super::command::mapweld;
 use super::rooms::{Files, scrap, three_robots};
 use super::server::{PATIENCE, TestServer};
+use super::upgrade::copy;
+use crate::postgres::Database;
 
 fn text(path: &Path) -> &str {
     path.to_str().expect("a readable path")
@@ -218,4 +220,53 @@ async fn a_backup_of_a_running_server_is_served_as_it_was() {
         server.ended(pushed.job.expect("a job")).await.state,
         JobState::Succeeded
     );
+}
+
+/// As the operators' page says: first the records, then the blobs, while the server runs.
+#[tokio::test]
+async fn a_backup_of_postgresql_and_blobs_is_served_as_it_was() {
+    let (Some(first), Some(second)) = (Database::fresh(), Database::fresh()) else {
+        return;
+    };
+    let url = first.url();
+    let server = TestServer::start(&["--database-url", &url]);
+    push_and_merge(&server, 1).await;
+    push_and_merge(&server, 2).await;
+    let path = "/v1/sessions/hall/versions/2";
+    let version: Version = server.read(path).await;
+    let picture = bytes(&server, &format!("{path}/map.png")).await;
+    let maps: Page<Map> = server.read("/v1/sessions/hall/maps").await;
+
+    let backup = tempfile::tempdir().expect("a folder");
+    let dump = backup.path().join("mapweld.dump");
+    first.back_up(&dump);
+    // what comes between the two is in the blobs and not in the records
+    push_and_merge(&server, 3).await;
+    let copied = tempfile::tempdir().expect("a folder");
+    copy(&server.folder().join("blobs"), &copied.path().join("blobs"));
+    drop(server.kill().await);
+
+    // over what was there before, twice: a restore that was broken off is begun again
+    for _ in 0..2 {
+        second.restore(&dump);
+    }
+    let url = second.url();
+    let (code, findings, sums) = fsck(copied.path(), &["--database-url", &url, "--grace", "1s"]);
+    assert_eq!(code, Some(0), "{findings:?} {sums}");
+    let server = TestServer::start_in(copied, &["--database-url", &url]);
+    let again: Version = server.read(path).await;
+    assert_eq!(again.result.as_str(), version.result.as_str());
+    assert_eq!(bytes(&server, &format!("{path}/map.png")).await, picture);
+    let maps_again: Page<Map> = server.read("/v1/sessions/hall/maps").await;
+    assert_eq!(maps_again.items, maps.items);
+    // the map that was pushed after the records were copied comes again, and the next version has the next number
+    push_and_merge(&server, 3).await;
+    let last: Version = server.read("/v1/sessions/hall/versions/latest").await;
+    assert_eq!(last.number.get(), 3);
+}
+
+async fn bytes(server: &TestServer, path: &str) -> Vec<u8> {
+    let answer = server.get(path).send().await.expect("an answer");
+    assert_eq!(answer.status(), StatusCode::OK, "{path}");
+    answer.bytes().await.expect("a body").to_vec()
 }

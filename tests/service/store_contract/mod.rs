@@ -110,6 +110,7 @@ macro_rules! contract {
             sessions_are_found_by_their_labels,
             old_versions_go_with_the_maps_that_only_they_were_made_of,
             maps_that_a_merge_may_still_take_stay,
+            ended_jobs_go_when_they_are_old_unless_their_version_is_kept,
             only_blobs_that_no_record_names_are_marked,
             a_record_that_names_a_marked_blob_is_refused_whole,
             a_mark_is_taken_away_only_by_who_saw_it_as_it_is,

@@ -93,6 +93,46 @@ pub(crate) async fn old_versions_go_with_the_maps_that_only_they_were_made_of(st
     assert_eq!(numbers(&store, &id).await, [5]);
 }
 
+pub(crate) async fn ended_jobs_go_when_they_are_old_unless_their_version_is_kept(store: AnyStore) {
+    let id = session("ward");
+    let mut publishers = Vec::new();
+    for (seed, now) in [(1, 0), (2, 2)] {
+        let added = push(&store, &id, "r1", seed, at(now)).await;
+        let publisher = claim(&store, at(now)).await;
+        store
+            .publish_version(&publisher.lease, new_version(&[added.map]), at(now + 1))
+            .await
+            .expect("is published");
+        publishers.push(publisher.job.id);
+    }
+    let cancelled = enqueue(&store, &id, at(3)).await;
+    store.cancel_job(cancelled.id, at(4)).await.expect("is cancelled");
+    let late = enqueue(&store, &id, at(5)).await;
+    store.cancel_job(late.id, at(50)).await.expect("is cancelled");
+    let running = enqueue(&store, &id, at(6)).await;
+    claim(&store, at(7)).await;
+    let waiting = enqueue(&store, &id, at(8)).await;
+
+    assert_eq!(
+        store.prune_jobs(at(4)).await.expect("answers"),
+        0,
+        "it ended at 4, not before"
+    );
+    assert_eq!(store.prune_jobs(at(50)).await.expect("answers"), 1);
+    match store.get_job(cancelled.id).await {
+        Err(StoreError::NotFound(Missing::Job(gone))) => assert_eq!(gone, cancelled.id),
+        other => panic!("it is gone, but the answer was {other:?}"),
+    }
+    for kept in [publishers[0], publishers[1], late.id, running.id, waiting.id] {
+        assert_eq!(job(&store, kept).await.id, kept);
+    }
+    // the job of a version goes when the version has gone
+    store.prune(NonZeroU32::new(1)).await.expect("answers");
+    assert_eq!(store.prune_jobs(at(50)).await.expect("answers"), 1);
+    assert!(store.get_job(publishers[0]).await.is_err());
+    assert_eq!(job(&store, publishers[1]).await.state, JobState::Succeeded);
+}
+
 pub(crate) async fn maps_that_a_merge_may_still_take_stay(store: AnyStore) {
     let id = quiet_session(&store, "ward").await;
     let first = push(&store, &id, "r1", 1, at(0)).await.map;
