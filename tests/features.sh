@@ -27,7 +27,7 @@ if absent "--all-features" axum >/dev/null 2>&1; then
 fi
 
 for flags in "--no-default-features" "--no-default-features --features client" "--no-default-features --features server" \
-  "--no-default-features --features experiments" "--no-default-features --features otel"; do
+  "--no-default-features --features experiments"; do
   echo "cargo check $flags"
   # shellcheck disable=SC2086
   cargo check --locked --quiet $flags
