@@ -217,6 +217,7 @@ fn line(answer: &Registration) -> Map<String, Value> {
     }
     if let Some(evidence) = answer.best_evidence() {
         put("score", json!(evidence.score));
+        put("probability", json!(evidence.probability));
         put("verification_index", json!(evidence.verification_index));
         put("overlap", json!(evidence.overlap));
         put("matched_wall_m", json!(evidence.matched_wall_m));

@@ -256,6 +256,7 @@ fn pair_counts(answer: &RegisteredSet, inputs: &[WeldInput], poses: &[Option<Pos
     for pair in &answer.pairs {
         match (&pair.registration, pair.role) {
             (Some(Registration::Accepted(_)), PairRole::Support) => count("accepted"),
+            (Some(Registration::Accepted(_)), PairRole::Unconfirmed) => count("unconfirmed"),
             (Some(Registration::Accepted(_)), _) => count("outvoted"),
             (Some(Registration::Rejected(_)), PairRole::JointSupport(_)) => count("joint"),
             (Some(Registration::Rejected(rejection)), _) => count(reason_name(rejection.reason)),

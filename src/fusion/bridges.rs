@@ -92,6 +92,7 @@ impl Bridges {
             if let Some(accepted) = record.registration.accepted()
                 && best.is_none_or(|(score, _)| accepted.evidence.score > score)
                 && !standards.doubted(&Fit::of(&accepted.evidence))
+                && standards.trusted(&accepted.evidence, maps.len())
                 && can_lie(
                     maps,
                     layout,

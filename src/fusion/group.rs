@@ -4,7 +4,8 @@
 //!
 //! 1. Maps with known poses are looked at there (`known_poses`).
 //! 2. All other pairs are registered, in parallel.
-//! 3. Accepted pairs that look like candidates which are known to be wrong are doubted (`standards`). Of the others the
+//! 3. Accepted pairs that look like candidates which are known to be wrong, or of which their method is not sure enough for
+//!    a set, are doubted (`standards`). Of the others the
 //!    heaviest set that can be true together is kept (`consistency`); none may join maps that an operator keeps apart, or
 //!    groups whose walls contradict each other (`contradiction`).
 //! 4. An operator's guess decides between the candidates of a pair that was not accepted.
@@ -12,6 +13,7 @@
 //!    between them agree (`hypotheses`), then by registering the groups themselves, each fused into one map: such a map
 //!    shows more of what the other has seen, and more that contradicts a wrong place, than any of its parts (`bridges`).
 //! 6. After each step the poses are those of the pose graph (`pose_graph`).
+//! 7. Doubted pairs that agree with the poses make them more precise.
 //!
 //! **Cost.** n (n - 1) / 2 registrations when nothing is known beforehand.
 //!
@@ -56,6 +58,9 @@ pub fn register_set(
     stages.ended("placement");
     let mut bridges = Bridges::default();
     while bridges.join_one(&maps, &mut pairs, &mut links, &layout)? {
+        layout = lay_out(&maps, &mut links);
+    }
+    if confirm(&maps, &mut pairs, &mut links, &layout) {
         layout = lay_out(&maps, &mut links);
     }
     stages.ended("bridges");
@@ -125,6 +130,8 @@ fn consistent_links(maps: &Maps<'_>, pairs: &mut [PairRecord]) -> Vec<Link> {
         if let Some(Registration::Accepted(accepted)) = &pair.registration {
             if standards.doubted(&Fit::of(&accepted.evidence)) {
                 pair.role = PairRole::Contradicted;
+            } else if !standards.trusted(&accepted.evidence, maps.len()) {
+                pair.role = PairRole::Unconfirmed;
             } else {
                 links.push(candidate_link(pair, 0, index));
             }
@@ -261,13 +268,30 @@ fn settle_roles(pairs: &mut [PairRecord], links: &[Link]) {
             .as_ref()
             .is_some_and(|answer| answer.accepted().is_some());
         pair.role = match (pair.role, lasts, accepted) {
-            (PairRole::Forbidden, false, _) => PairRole::Forbidden,
+            (role @ (PairRole::Forbidden | PairRole::Unconfirmed), false, _) => role,
             (_, true, true) => PairRole::Support,
             (_, false, true) => PairRole::Contradicted,
             (role, true, false) => role,
             (_, false, false) => PairRole::Unused,
         };
     }
+}
+
+/// Step 7: pairs that nothing confirmed so far, and that the layout confirms. Whether there are any.
+fn confirm(maps: &Maps<'_>, pairs: &mut [PairRecord], links: &mut Vec<Link>, layout: &Layout) -> bool {
+    let before = links.len();
+    for (index, pair) in pairs.iter_mut().enumerate() {
+        let (a, b) = (pair.fixed, pair.moving);
+        if let Some(Registration::Accepted(accepted)) = &pair.registration
+            && pair.role == PairRole::Unconfirmed
+            && layout.first[a] == layout.first[b]
+            && maps.moments[b].distance(accepted.pose_fixed_moving, layout.relative(a, b))
+                <= maps.options.consistency.tolerance_m
+        {
+            links.push(candidate_link(pair, 0, index));
+        }
+    }
+    links.len() > before
 }
 
 /// Whether two groups hold maps that an operator keeps apart.

@@ -4,8 +4,9 @@
 //! **Method.** A candidate of one pair, whatever its method made of it, is a pose of one group in the frame of the other.
 //! There the walls of each group are laid over the maps of the other (`body`): a place which only its own pair likes is
 //! contradicted by the others. The best place is believed when it stands out by the standards of the set (`standards`),
-//! no really different one rivals it, and one of the pairs that propose it is clean by itself. Rivals are compared by all
+//! no really different one rivals it, and two of the pairs that propose it are clean by themselves. Rivals are compared by all
 //! pairs that say the same: several pairs that agree leave alternatives behind which each of them alone could not.
+//! What one pair alone says its method has judged: at least two must propose the place.
 //!
 //! **Cost.** [`LOOKED_AT`] places for each pair of groups, a look of some 0.1 ms a map for each.
 
@@ -54,6 +55,8 @@ pub(super) struct Between<'a> {
     pub(super) alone: bool,
 }
 
+/// So many pairs must propose a place, each by itself: one alone has been judged by its method already, which was not sure.
+const PROPOSED_BY: usize = 2;
 /// The least held wall of a pair that proposes a place, in metres: half of what stands out.
 const PROPOSES_M: f64 = 4.0;
 
@@ -105,10 +108,10 @@ pub(super) fn bridge(
     let best = (0..places.len()).max_by(|&x, &y| fits[x].merit().total_cmp(&fits[y].merit()).then(y.cmp(&x)))?;
     let margin = standards.stands_out(&places[best].fit.most(seen[best]))?;
     let rivalled = (0..places.len()).any(|other| other != best && standards.rivals(&fits[other], &fits[best]));
-    let proposed = hints
-        .iter()
-        .any(|hint| near(places[best], hint) && standards.clean(&hint.fit) && hint.fit.held_m() >= PROPOSES_M);
-    if rivalled || !proposed {
+    let proposes =
+        |hint: &&Hint| near(places[best], hint) && standards.clean(&hint.fit) && hint.fit.held_m() >= PROPOSES_M;
+    let proposed_by: BTreeSet<usize> = hints.iter().filter(proposes).map(|hint| hint.pair).collect();
+    if rivalled || proposed_by.len() < PROPOSED_BY {
         return None;
     }
     Some(Bridge {

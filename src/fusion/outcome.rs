@@ -114,6 +114,8 @@ pub enum NotPlacedReason {
     Pairs(Reason),
     /// It was registered, but to maps that contradict each other about it.
     Contradicted,
+    /// It was registered, but not surely enough for a set of many maps, and nothing else confirms it.
+    Unconfirmed,
     /// It is joined to other maps, but none of them to the anchor: the index of its group.
     OtherGroup(usize),
     /// It would have joined two maps that must not be merged.
@@ -163,6 +165,8 @@ pub enum PairRole {
     GuessSupport(usize),
     /// It was accepted, but contradicts other pairs.
     Contradicted,
+    /// It was accepted, but not surely enough for a set of many maps, and nothing else confirms it.
+    Unconfirmed,
     /// It was accepted, but would join maps that must not be merged.
     Forbidden,
     /// It was not accepted, or not asked.

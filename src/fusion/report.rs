@@ -157,7 +157,8 @@ impl Teller<'_> {
     /// The pair that came nearest to placing a map: contradicted, forbidden, then by reason and score.
     fn nearest_pair(&self, map: usize) -> Option<usize> {
         let rank = |pair: &PairRecord| match (&pair.registration, pair.role) {
-            (_, PairRole::Contradicted | PairRole::Forbidden) => 6,
+            (_, PairRole::Contradicted | PairRole::Forbidden) => 7,
+            (_, PairRole::Unconfirmed) => 6,
             (Some(Registration::Rejected(rejection)), _) => match rejection.reason {
                 Reason::Ambiguous { .. } => 5,
                 Reason::UnderConstrained { .. } => 4,
@@ -195,6 +196,7 @@ impl Teller<'_> {
         match (pair.role, &pair.registration) {
             (PairRole::Forbidden, _) | (_, None) => NotPlacedReason::Forbidden,
             (_, Some(Registration::Rejected(rejection))) => NotPlacedReason::Pairs(rejection.reason),
+            (PairRole::Unconfirmed, Some(Registration::Accepted(_))) => NotPlacedReason::Unconfirmed,
             (_, Some(Registration::Accepted(_))) => NotPlacedReason::Contradicted,
         }
     }

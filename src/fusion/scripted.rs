@@ -65,6 +65,14 @@ impl Scripted {
         self.accept_off(truth, a, b, score, Pose2::IDENTITY);
     }
 
+    /// The pair is accepted, and its method holds it for so likely right.
+    pub(super) fn accept_with(&mut self, truth: &[Pose2], (a, b): (usize, usize), probability: f64, off: Pose2) {
+        self.accept_off(truth, a, b, 100.0, off);
+        if let Some(Registration::Accepted(accepted)) = self.answers.get_mut(&(a, b)) {
+            accepted.evidence.probability = Some(probability);
+        }
+    }
+
     /// The pair is ambiguous between these places, told by how far they are off the truth.
     pub(super) fn ambiguous(&mut self, truth: &[Pose2], a: usize, b: usize, places: &[(f64, Pose2)]) {
         let candidate = |&(score, off): &(f64, Pose2)| Candidate {
@@ -130,6 +138,7 @@ pub(super) fn nothing() -> Registration {
 
 pub(super) fn evidence(score: f64) -> Evidence {
     Evidence {
+        probability: None,
         score,
         verification_index: Some(0.97),
         overlap: score / 200.0,

@@ -21,6 +21,8 @@
 //!    half of its held wall and no much greater share: by this set's own measure it might as well be wrong.
 //! 5. A candidate that its own pair could not decide on *stands out* when it is clean and has more held wall than any
 //!    clean one that is known to be wrong; and the more of it, the fewer accepted pairs the set has to learn from.
+//! 6. An accepted pair joins the maps of a set by itself only when its method is sure of it; else it is a candidate as
+//!    those of the pairs that were not accepted are.
 //!
 //! **Fails when** a place repeats itself to the last chair and only one copy was ever seen: nothing is known to be wrong
 //! then, and the copies' pairs are as clean as any.
@@ -53,6 +55,9 @@ pub struct StandardRules {
     pub pairs_enough: usize,
     /// Held wall that a set without any accepted pair needs, so many times `held_min_m`. Default 5.
     pub unlearned_factor: f64,
+    /// The least probability at which an accepted pair joins maps of a larger set by itself. Default 0.97: a pair of maps of
+    /// 0.6 is more often right than wrong, but a fleet has hundreds of pairs, and each wrong one carries others with it.
+    pub trusted_min: f64,
     /// Places nearer than this are one: RMS over the walls of a map, in metres. Default 0.7, as within one pair.
     pub apart_m: f64,
 }
@@ -69,6 +74,7 @@ impl Default for StandardRules {
             alike_factor: 1.5,
             pairs_enough: 6,
             unlearned_factor: 5.0,
+            trusted_min: 0.97,
             apart_m: 0.7,
         }
     }
@@ -227,6 +233,14 @@ impl Standards {
         fit.share() > self.rules.doubt_factor * self.noise && self.wrong.iter().any(alike)
     }
 
+    /// Step 6: whether a pair of a set of `maps` maps may join them by itself.
+    pub(super) fn trusted(&self, evidence: &Evidence, maps: usize) -> bool {
+        maps <= 2
+            || evidence
+                .probability
+                .is_none_or(|probability| probability >= self.rules.trusted_min)
+    }
+
     /// Step 5: by how much a fit stands out, more than 1; `None` when it does not.
     pub(super) fn stands_out(&self, fit: &Fit) -> Option<f64> {
         let alike = self
@@ -278,6 +292,7 @@ mod tests {
     fn evidence(fit: Fit) -> Evidence {
         Evidence {
             score: 0.0,
+            probability: None,
             verification_index: None,
             overlap: 0.0,
             matched_wall_m: fit.matched_m,

@@ -35,6 +35,11 @@ fn reason(set: &RegisteredSet, map: usize) -> NotPlacedReason {
     }
 }
 
+fn role(set: &RegisteredSet, a: usize, b: usize) -> PairRole {
+    let pair = set.pairs.iter().find(|pair| (pair.fixed, pair.moving) == (a, b));
+    pair.expect("listed").role
+}
+
 #[test]
 fn maps_in_a_chain_are_placed_in_the_anchors_frame_and_fused() {
     let (truth, inputs) = world(4);
@@ -109,6 +114,44 @@ fn one_wrong_pair_among_well_connected_maps_is_found_out() {
 }
 
 #[test]
+fn a_pair_that_its_method_is_not_sure_of_joins_two_maps_but_none_of_a_set() {
+    let (truth, inputs) = world(3);
+    let script = || {
+        let mut script = Scripted::default();
+        script.accept_with(&truth, (0, 1), 0.99, Pose2::IDENTITY);
+        script.accept_with(&truth, (1, 2), 0.9, off(6.0));
+        script
+    };
+    let set = register_set(&inputs, &script().options().1, &Unhurried).expect("it registers");
+    assert!(is_placed_right(&set, &truth, &inputs, 1));
+    assert_eq!(reason(&set, 2), NotPlacedReason::Unconfirmed);
+    assert_eq!(role(&set, 1, 2), PairRole::Unconfirmed);
+    // alone, the two maps have nobody to be confirmed by
+    let mut script = Scripted::default();
+    script.accept_with(&truth, (0, 1), 0.9, Pose2::IDENTITY);
+    let two = register_set(&inputs[..2], &script.options().1, &Unhurried).expect("it registers");
+    assert!(is_placed_right(&two, &truth, &inputs, 1));
+}
+
+#[test]
+fn a_pair_that_its_method_is_not_sure_of_counts_where_surer_ones_confirm_it() {
+    let (truth, inputs) = world(3);
+    let mut script = Scripted::default();
+    script.accept_with(&truth, (0, 1), 0.99, Pose2::IDENTITY);
+    script.accept_with(&truth, (1, 2), 0.99, Pose2::IDENTITY);
+    script.accept_with(&truth, (0, 2), 0.8, Pose2::new(0.02, 0.0, Angle::ZERO));
+    let set = register_set(&inputs, &script.options().1, &Unhurried).expect("it registers");
+    assert_eq!(role(&set, 0, 2), PairRole::Support);
+    let mut script = Scripted::default();
+    script.accept_with(&truth, (0, 1), 0.99, Pose2::IDENTITY);
+    script.accept_with(&truth, (1, 2), 0.99, Pose2::IDENTITY);
+    script.accept_with(&truth, (0, 2), 0.8, off(3.0));
+    let set = register_set(&inputs, &script.options().1, &Unhurried).expect("it registers");
+    assert_eq!(role(&set, 0, 2), PairRole::Unconfirmed);
+    assert!((0..3).all(|map| is_placed_right(&set, &truth, &inputs, map)));
+}
+
+#[test]
 fn a_map_that_contradicting_pairs_want_elsewhere_is_left_out() {
     let (truth, inputs) = world(3);
     let mut script = Scripted::default();
@@ -163,15 +206,8 @@ fn undecided_pairs_whose_place_stands_out_bridge_two_groups() {
     script.ambiguous(&truth, 1, 3, &[(95.0, Pose2::IDENTITY), (20.0, off(-7.0))]);
     let set = register_set(&inputs, &script.options().1, &Unhurried).expect("it registers");
     assert!((0..4).all(|map| is_placed_right(&set, &truth, &inputs, map)));
-    let role = |a: usize, b: usize| {
-        set.pairs
-            .iter()
-            .find(|p| (p.fixed, p.moving) == (a, b))
-            .expect("listed")
-            .role
-    };
-    assert_eq!(role(0, 2), PairRole::JointSupport(1));
-    assert_eq!(role(1, 3), PairRole::JointSupport(0));
+    assert_eq!(role(&set, 0, 2), PairRole::JointSupport(1));
+    assert_eq!(role(&set, 1, 3), PairRole::JointSupport(0));
 }
 
 #[test]

@@ -123,6 +123,9 @@ impl Covariance {
 pub struct Evidence {
     /// The method's own score, higher is better; comparable only within one method.
     pub score: f64,
+    /// How likely the pose is right by the method's own model of what it has found, in [0, 1]; `None` when it has none, or
+    /// when the pose was accepted by a rule that does not ask for it.
+    pub probability: Option<f64>,
     /// The paper's V (eq. 34) over cells known in both maps, in [0, 1]; `None` when they have none in common.
     pub verification_index: Option<f64>,
     /// Area known in both maps over the smaller known area, in [0, 1].

@@ -246,6 +246,7 @@ impl From<fusion::PairRole> for PairRole {
             fusion::PairRole::JointSupport(_) => Self::JointSupport,
             fusion::PairRole::GuessSupport(_) => Self::GuessSupport,
             fusion::PairRole::Contradicted => Self::Contradicted,
+            fusion::PairRole::Unconfirmed => Self::Unconfirmed,
             fusion::PairRole::Forbidden => Self::Forbidden,
             fusion::PairRole::Unused => Self::Unused,
         }
@@ -265,6 +266,7 @@ impl From<&registration::Evidence> for Evidence {
     fn from(evidence: &registration::Evidence) -> Self {
         Self {
             score: evidence.score,
+            probability: evidence.probability,
             verification_index: evidence.verification_index,
             overlap: evidence.overlap,
             matched_wall_m: evidence.matched_wall_m,

@@ -73,6 +73,8 @@ pub enum PairRole {
     GuessSupport,
     /// It was accepted, but contradicts other pairs.
     Contradicted,
+    /// It was accepted, but not surely enough for a set of many maps, and nothing else confirms it.
+    Unconfirmed,
     /// It was accepted, but would join maps that must not be merged.
     Forbidden,
     /// It was not accepted, or not asked.
@@ -112,6 +114,10 @@ pub struct Candidate {
 pub struct Evidence {
     /// The method's own score, higher is better; comparable only within one method.
     pub score: f64,
+    /// How likely the pose is right by the method's own model of what it has found, in [0, 1]; left out when the method has
+    /// none, or when the pose was accepted by a rule that does not ask for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probability: Option<f64>,
     /// The verification index V (eq. 34) over cells known in both maps, in [0, 1]; `null` when there are none.
     pub verification_index: Option<f64>,
     /// Area known in both maps over the smaller known area, in [0, 1].

@@ -43,6 +43,8 @@ pub enum ReasonCode {
     VerificationFailed,
     /// It was registered, but to maps that contradict each other about it.
     Contradicted,
+    /// It was registered, but not surely enough for a set of many maps, and nothing else confirms it.
+    Unconfirmed,
     /// It is joined to other maps, but none of them to the anchor.
     OtherGroup,
     /// It would have joined maps that must not be merged.
@@ -90,6 +92,10 @@ impl Reason {
             NotPlacedReason::Contradicted => Self::plain(
                 ReasonCode::Contradicted,
                 "it was registered, but to maps that contradict each other about it",
+            ),
+            NotPlacedReason::Unconfirmed => Self::plain(
+                ReasonCode::Unconfirmed,
+                "it was registered, but not surely enough for a set of many maps, and nothing else confirms it",
             ),
             NotPlacedReason::OtherGroup(group) => Self::plain(
                 ReasonCode::OtherGroup,

@@ -13,7 +13,8 @@
 //!    what holds the weaker direction. Accepted from `posterior_min` on.
 //! 3. Whatever P says, it is refused when a rival stands by itself under the strict model (two self-consistent
 //!    explanations), when too much is contradicted, when the weaker direction is not held, when another hypothesis finds
-//!    many times more wall, or when great maps agree in a small corner only: more wall, more chances.
+//!    many times more wall, or when great maps agree in a small corner only: more wall, more chances. Or when V is low: the
+//!    few walls that two maps have in common may agree where their free space does not.
 //! 4. `same`: all but `same_max` of the walls of both maps are found, and no rival has half of the score. P would mistrust
 //!    such a pair, since equal rooms of one building look like that, but for a last few walls.
 //! 5. `bent`: great maps that fit only in part, by any model: so much wall is found as nowhere else.
@@ -55,10 +56,24 @@ pub(super) struct Finalist {
 /// What to answer. The hypothesis in question stands first among the ranked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Verdict {
-    Accept,
+    /// By this rule.
+    Accept(Rule),
     NoOverlap,
     Ambiguous,
     UnderConstrained,
+}
+
+/// By what a hypothesis is accepted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Rule {
+    /// Its probability.
+    Likely,
+    /// The maps are the same.
+    Same,
+    /// Great maps that fit only in part.
+    Bent,
+    /// It was known from elsewhere.
+    Known,
 }
 
 impl Finalist {
@@ -127,17 +142,16 @@ pub(super) fn rival(ranked: &[Finalist], index: usize, moving: Moments) -> Optio
 /// Decides, and puts the hypothesis that it speaks of in front.
 pub(super) fn decide(ranked: &mut [Finalist], moving: Moments, parameters: &DecisionParameters) -> Verdict {
     let field = Field { ranked, moving };
-    let likely = field.same(parameters).or_else(|| field.likely(parameters));
+    let likely = (field.same(parameters).map(|index| (index, Rule::Same)))
+        .or_else(|| field.likely(parameters).map(|index| (index, Rule::Likely)));
     let bent = field.bent(parameters);
     let same = if bent.is_some() { 1.0 } else { RIVAL_M };
     match (likely, bent) {
-        (Some(one), Some(other)) if ranked[one].placement().distance(ranked[other].placement(), moving) > same => {
+        (Some((one, _)), Some(other)) if ranked[one].placement().distance(ranked[other].placement(), moving) > same => {
             Verdict::Ambiguous
         }
-        (Some(chosen), _) | (None, Some(chosen)) => {
-            ranked[..=chosen].rotate_right(1);
-            Verdict::Accept
-        }
+        (Some((chosen, rule)), _) => accept(ranked, chosen, rule),
+        (None, Some(chosen)) => accept(ranked, chosen, Rule::Bent),
         (None, None) => {
             let top = &ranked[0];
             if top.plain <= parameters.score_min {
@@ -149,6 +163,20 @@ pub(super) fn decide(ranked: &mut [Finalist], moving: Moments, parameters: &Deci
             }
         }
     }
+}
+
+fn accept(ranked: &mut [Finalist], chosen: usize, rule: Rule) -> Verdict {
+    ranked[..=chosen].rotate_right(1);
+    Verdict::Accept(rule)
+}
+
+/// The probability that a hypothesis is right (step 2), in [0, 1].
+pub(super) fn probability(ranked: &[Finalist], index: usize, moving: Moments, weights: &PosteriorWeights) -> f32 {
+    sigmoid(Field { ranked, moving }.logit(index, weights))
+}
+
+fn sigmoid(logit: f32) -> f32 {
+    1.0 / (1.0 + (-logit).exp())
 }
 
 /// Whether the walls confirm a placement known from elsewhere: found near it, held, and seldom contradicted. There is
@@ -166,7 +194,7 @@ pub(super) fn confirm(
     } else if finalist.support <= 10.0 * parameters.support_min_m {
         Verdict::UnderConstrained
     } else if finalist.plain > parameters.score_min {
-        Verdict::Accept
+        Verdict::Accept(Rule::Known)
     } else {
         Verdict::NoOverlap
     }
@@ -210,8 +238,7 @@ impl Field<'_> {
             }
         }
         let (logit, index) = best;
-        let probability = 1.0 / (1.0 + (-logit).exp());
-        (probability >= parameters.posterior_min && self.stands(index, parameters)).then_some(index)
+        (sigmoid(logit) >= parameters.posterior_min && self.stands(index, parameters)).then_some(index)
     }
 
     /// w . x of rule 2.

@@ -1,7 +1,7 @@
 //! What was found, in the words of `registration::outcome`.
 
 use super::agreement::agreement;
-use super::decision::{Finalist, Verdict, rival};
+use super::decision::{Finalist, Rule, Verdict, probability, rival};
 use super::features::{Features, SAMPLE_M};
 use super::num::real64;
 use super::params::DecisionParameters;
@@ -53,13 +53,14 @@ impl Pair<'_> {
         Covariance([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
     }
 
-    fn evidence(&self, ranked: &[Finalist], index: usize) -> Evidence {
+    fn evidence(&self, ranked: &[Finalist], index: usize, parameters: &DecisionParameters) -> Evidence {
         let finalist = &ranked[index];
         let (verification_index, overlap) = agreement(self.fixed, self.moving, finalist.placement());
         let mean = &finalist.score.mean;
         let metres = |samples: f32| f64::from(samples) * SAMPLE_M;
         Evidence {
             score: finalist.plain.into(),
+            probability: Some(probability(ranked, index, self.moving.moments, &parameters.weights).into()),
             verification_index,
             overlap,
             matched_wall_m: metres(mean.found),
@@ -80,13 +81,25 @@ impl Pair<'_> {
         let first = &ranked[0];
         let score = f64::from(first.plain);
         let reason = match verdict {
-            Verdict::Accept => {
-                return Registration::Accepted(Acceptance {
-                    pose_fixed_moving: self.pose(first),
-                    covariance: self.covariance(first),
-                    evidence: self.evidence(ranked, 0),
-                    stages: Vec::new(),
-                });
+            Verdict::Accept(rule) => {
+                let evidence = self.evidence(ranked, 0, parameters);
+                let least = f64::from(parameters.verification_min);
+                if rule == Rule::Known || evidence.suffices(Some(least)) {
+                    return Registration::Accepted(Acceptance {
+                        pose_fixed_moving: self.pose(first),
+                        covariance: self.covariance(first),
+                        evidence: Evidence {
+                            // the other rules do not ask for it
+                            probability: evidence.probability.filter(|_| rule == Rule::Likely),
+                            ..evidence
+                        },
+                        stages: Vec::new(),
+                    });
+                }
+                Reason::VerificationFailed {
+                    verification_index: evidence.verification_index.unwrap_or(0.0),
+                    threshold: least,
+                }
             }
             Verdict::NoOverlap => Reason::NoOverlap {
                 score,
@@ -113,7 +126,7 @@ impl Pair<'_> {
         let candidates = (0..ranked.len().min(CANDIDATES)).map(|index| Candidate {
             pose_fixed_moving: self.pose(&ranked[index]),
             covariance: self.covariance(&ranked[index]),
-            evidence: self.evidence(ranked, index),
+            evidence: self.evidence(ranked, index, parameters),
         });
         Registration::Rejected(Rejection {
             reason,

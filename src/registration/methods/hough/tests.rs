@@ -361,6 +361,35 @@ fn the_verification_index_agrees_with_the_rooms_own() {
 }
 
 #[test]
+fn a_pose_under_which_free_space_and_walls_disagree_is_refused_however_likely_it_is() {
+    let truth = Pose2::new(-7.0, 3.0, Angle::from_radians(-1.1));
+    let fixed = map(0.05, Pose2::IDENTITY, |[x, _]| x < 12.0);
+    let moving = map(0.05, truth, |[x, _]| x > 3.0);
+    let taken = answer(&Hough::default(), &fixed, &moving);
+    let Registration::Accepted(Acceptance { evidence, .. }) = &taken else {
+        panic!("two drawings of one place are registered")
+    };
+    let probability = evidence.probability.expect("the method has a model");
+    assert!((0.6..=1.0).contains(&probability), "{probability}");
+    // two drawings on turned lattices differ in a cell here and there
+    let index = evidence.verification_index.expect("much in common");
+    let mut parameters = HoughParameters::default();
+    parameters.decision.verification_min = super::num::narrow(index + 0.001);
+    let strict = Hough::new(parameters).expect("in range");
+    let Registration::Rejected(refused) = answer(&strict, &fixed, &moving) else {
+        panic!("V is {index} only")
+    };
+    let Reason::VerificationFailed {
+        verification_index,
+        threshold,
+    } = refused.reason
+    else {
+        panic!("{:?}", refused.reason)
+    };
+    assert!(verification_index < threshold && apart(refused.candidates[0].pose_fixed_moving, truth, truth) < 0.05);
+}
+
+#[test]
 fn parameters_out_of_range_are_named() {
     let parameters = HoughParameters {
         rotations: 0,

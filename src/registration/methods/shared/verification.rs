@@ -122,6 +122,7 @@ pub(crate) fn verified(
         covariance: covariance(pose_fixed_moving, moving),
         evidence: Evidence {
             score: index.unwrap_or(0.0),
+            probability: None,
             verification_index: index,
             overlap: comparison.overlap(),
             matched_wall_m: f64::midpoint(there.matched_m, back.matched_m),
@@ -263,6 +264,7 @@ mod tests {
             covariance: Covariance::diagonal(0.1, 0.1),
             evidence: Evidence {
                 score: index.unwrap_or(0.0),
+                probability: None,
                 verification_index: index,
                 overlap,
                 matched_wall_m: 0.0,
