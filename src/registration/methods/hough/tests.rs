@@ -366,7 +366,7 @@ fn a_pose_under_which_free_space_and_walls_disagree_is_refused_however_likely_it
     let fixed = map(0.05, Pose2::IDENTITY, |[x, _]| x < 12.0);
     let moving = map(0.05, truth, |[x, _]| x > 3.0);
     let taken = answer(&Hough::default(), &fixed, &moving);
-    let Registration::Accepted(Acceptance { evidence, .. }) = &taken else {
+    let Some(evidence) = taken.accepted().map(|acceptance| &acceptance.evidence) else {
         panic!("two drawings of one place are registered")
     };
     let probability = evidence.probability.expect("the method has a model");
