@@ -268,10 +268,9 @@ fn settle_roles(pairs: &mut [PairRecord], links: &[Link]) {
             .as_ref()
             .is_some_and(|answer| answer.accepted().is_some());
         pair.role = match (pair.role, lasts, accepted) {
-            (role @ (PairRole::Forbidden | PairRole::Unconfirmed), false, _) => role,
             (_, true, true) => PairRole::Support,
             (_, false, true) => PairRole::Contradicted,
-            (role, true, false) => role,
+            (role @ (PairRole::Forbidden | PairRole::Unconfirmed), false, _) | (role, true, false) => role,
             (_, false, false) => PairRole::Unused,
         };
     }
