@@ -32,8 +32,8 @@
 //! answers `Ambiguous` if it sees both, and is wrong if it sees only one of them.
 //!
 //! **Differences from the paper.** All rotation candidates are kept; shifts come from a signed correlation of walls and free
-//! space instead of peak pairs; the pose is refined on walls, not by entropy; V is told but decides nothing (54 % of
-//! refined wrong hypotheses have V above 92 %).
+//! space instead of peak pairs; the pose is refined on walls, not by entropy; V accepts nothing (54 % of
+//! refined wrong hypotheses have V above 92 %), it only speaks against.
 //!
 //! **How far to trust it.** "Bad" is a wrong or a false merge. The probability of the decision was fitted with the data in
 //! ten parts, all maps of a building in one part, each part judged by the weights fitted to the others. At the default
@@ -255,7 +255,7 @@ impl Method for Hough {
     }
 
     fn required_verification(&self) -> Option<f64> {
-        None // told, and never asked: see the decision
+        None // asked by the decision itself
     }
 
     fn verify_at(
