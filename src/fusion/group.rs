@@ -267,11 +267,13 @@ fn settle_roles(pairs: &mut [PairRecord], links: &[Link]) {
             .registration
             .as_ref()
             .is_some_and(|answer| answer.accepted().is_some());
-        pair.role = match (pair.role, lasts, accepted) {
-            (_, true, true) => PairRole::Support,
-            (_, false, true) => PairRole::Contradicted,
-            (role @ (PairRole::Forbidden | PairRole::Unconfirmed), false, _) | (role, true, false) => role,
-            (_, false, false) => PairRole::Unused,
+        let settled = matches!(pair.role, PairRole::Forbidden | PairRole::Unconfirmed);
+        pair.role = match (lasts, accepted) {
+            (true, true) => PairRole::Support,
+            (true, false) => pair.role,
+            (false, _) if settled => pair.role,
+            (false, true) => PairRole::Contradicted,
+            (false, false) => PairRole::Unused,
         };
     }
 }
