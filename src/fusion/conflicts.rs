@@ -5,6 +5,7 @@
 
 use rayon::prelude::*;
 
+use super::bitmap::Bitmap;
 use crate::grid::{CellState, OccupancyGrid};
 
 /// How many maps call a cell occupied, and how many call it free with no wall of theirs nearby.
@@ -68,54 +69,35 @@ pub(super) enum Word {
 /// What a map says of each of its cells.
 pub(super) fn words(grid: &OccupancyGrid, tolerance_m: f64) -> Vec<Word> {
     let near = near_occupied(grid, tolerance_m);
-    grid.cells()
-        .par_iter()
-        .zip(near)
-        .map(|(cell, near)| match cell.state() {
-            CellState::Occupied => Word::Occupied,
-            CellState::Free if !near => Word::Free,
-            _ => Word::Silent,
-        })
-        .collect()
-}
-
-/// Whether there is an occupied cell within the tolerance (rounded to whole cells, along the lattice's axes).
-pub(super) fn near_occupied(grid: &OccupancyGrid, tolerance_m: f64) -> Vec<bool> {
-    near(grid, tolerance_m, |state| state == CellState::Occupied)
-}
-
-/// Whether there is such a cell within the tolerance.
-pub(super) fn near(grid: &OccupancyGrid, tolerance_m: f64, such: impl Fn(CellState) -> bool + Sync) -> Vec<bool> {
     let width = grid.lattice().width() as usize;
-    let reach = reach_cells(tolerance_m / grid.lattice().resolution());
-    let mut along = vec![false; grid.cells().len()];
-    along
-        .par_chunks_mut(width)
-        .zip(grid.cells().par_chunks(width))
-        .for_each(|(near, cells)| {
-            for (column, _) in cells.iter().enumerate().filter(|(_, c)| such(c.state())) {
-                near[column.saturating_sub(reach)..(column + reach + 1).min(width)].fill(true);
-            }
-        });
-    let height = along.len() / width;
-    let mut both = vec![false; along.len()];
-    both.par_chunks_mut(width).enumerate().for_each(|(row, near)| {
-        for other in row.saturating_sub(reach)..(row + reach + 1).min(height) {
-            for (cell, &seen) in near.iter_mut().zip(&along[other * width..][..width]) {
-                *cell |= seen;
-            }
+    let mut words = vec![Word::Silent; grid.cells().len()];
+    let rows = words.par_chunks_mut(width).zip(grid.cells().par_chunks(width));
+    rows.zip(0..grid.lattice().height()).for_each(|((words, cells), row)| {
+        for ((word, cell), column) in words.iter_mut().zip(cells).zip(0..) {
+            *word = match cell.state() {
+                CellState::Occupied => Word::Occupied,
+                CellState::Free if !near.has(column, row) => Word::Free,
+                _ => Word::Silent,
+            };
         }
     });
-    both
+    words
 }
 
+/// The cells with an occupied cell within the tolerance (rounded to whole cells, along the lattice's axes).
+fn near_occupied(grid: &OccupancyGrid, tolerance_m: f64) -> Bitmap {
+    let occupied = Bitmap::of(grid, |state| state == CellState::Occupied);
+    occupied.widened(reach_cells(grid, tolerance_m))
+}
+
+/// A tolerance in metres as whole cells of a grid.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "clamped just before"
 )]
-fn reach_cells(cells: f64) -> usize {
-    cells.round().clamp(0.0, 1000.0) as usize
+pub(super) fn reach_cells(grid: &OccupancyGrid, tolerance_m: f64) -> usize {
+    (tolerance_m / grid.lattice().resolution()).round().clamp(0.0, 1000.0) as usize
 }
 
 #[cfg(test)]
@@ -134,23 +116,5 @@ mod tests {
         let grid = OccupancyGrid::new(lattice, cells).expect("seven");
         assert_eq!(words(&grid, 0.1), [Occupied, Silent, Silent, Free, Free, Free, Silent]);
         assert_eq!(words(&grid, 0.0), [Occupied, Free, Free, Free, Free, Free, Silent]);
-    }
-
-    #[test]
-    fn the_separable_dilation_equals_its_definition() {
-        let lattice = Lattice::new(23, 17, 0.1, Pose2::IDENTITY).expect("valid");
-        let cells = (0..23 * 17).map(|i| if i % 31 == 7 { LogOdds::OCCUPIED } else { LogOdds::FREE });
-        let grid = OccupancyGrid::new(lattice, cells.collect()).expect("as many");
-        let near = near_occupied(&grid, 0.2);
-        for row in 0..17_u32 {
-            for column in 0..23_u32 {
-                let expected = (0..17_u32).any(|r| {
-                    (0..23_u32).any(|c| {
-                        grid.at(c, r).state() == CellState::Occupied && r.abs_diff(row) <= 2 && c.abs_diff(column) <= 2
-                    })
-                });
-                assert_eq!(near[lattice.index(column, row)], expected, "({column}, {row})");
-            }
-        }
     }
 }

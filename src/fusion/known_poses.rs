@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use super::input::Prior;
 use super::maps::{Maps, stop_of};
 use super::outcome::{FrameJump, WeldError};
-use super::sketch::{Sketch, look_up, overlap};
+use super::sketch::{look_up, overlap, walls_of};
 use super::standards::Fit;
 use super::union_find::UnionFind;
 use crate::geometry::Pose2;
@@ -165,7 +165,7 @@ pub(super) fn relative(poses: &[Option<(Pose2, f64)>], a: usize, b: usize) -> (P
 /// Step 1, for one map.
 fn frame_jump(maps: &Maps<'_>, previous: &OccupancyGrid, map: usize) -> Option<FrameJump> {
     let rules = &maps.options.known_poses;
-    let earlier = Sketch::points(previous);
+    let earlier = walls_of(previous);
     let unmoved = look_up(&earlier, maps.sketched(map), Pose2::IDENTITY);
     if unmoved.violated_share() <= rules.jump_share {
         return None;

@@ -7,6 +7,7 @@
 //! anchor's frame. Below it: [`register_set`] places maps, [`fuse()`] adds them up, [`verdicts`] and [`optimise`] work on
 //! bare graphs.
 
+mod bitmap;
 mod body;
 mod bridges;
 mod conflicts;

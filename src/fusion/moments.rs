@@ -1,5 +1,6 @@
 //! Where a map's walls lie, in three numbers: enough to say exactly how far two poses of the map are apart.
 
+use super::bitmap::Bitmap;
 use crate::geometry::{Point, Pose2};
 use crate::grid::{CellState, OccupancyGrid};
 
@@ -23,13 +24,16 @@ impl Moments {
     /// Of a map's occupied cells; of all its cells when none is occupied.
     #[must_use]
     pub fn of(grid: &OccupancyGrid) -> Self {
+        Self::of_cells(grid, &Bitmap::of(grid, |state| state == CellState::Occupied))
+    }
+
+    /// Of a map of which these cells are occupied.
+    pub(super) fn of_cells(grid: &OccupancyGrid, occupied: &Bitmap) -> Self {
         let lattice = grid.lattice();
-        let occupied = Sums::of(grid, |cell| cell == CellState::Occupied);
-        let sums = if occupied.count == 0 {
-            Sums::of(grid, |_| true)
-        } else {
-            occupied
-        };
+        let mut sums = Sums::of(occupied.cells());
+        if sums.count == 0 {
+            sums = Sums::of(Bitmap::of(grid, |_| true).cells());
+        }
         let ([u, v], spread2) = sums.moments();
         Self {
             mean: lattice.to_metres([u + 0.5, v + 0.5]),
@@ -69,18 +73,15 @@ struct Sums {
 }
 
 impl Sums {
-    fn of(grid: &OccupancyGrid, chosen: impl Fn(CellState) -> bool) -> Self {
+    fn of(cells: impl Iterator<Item = (u32, u32)>) -> Self {
         let mut sums = Self::default();
-        for row in 0..grid.lattice().height() {
-            for (column, cell) in (0_u64..).zip(grid.row(row)) {
-                if chosen(cell.state()) {
-                    sums.count += 1;
-                    sums.u += column;
-                    sums.v += u64::from(row);
-                    sums.uu += u128::from(column * column);
-                    sums.vv += u128::from(u64::from(row).pow(2));
-                }
-            }
+        for (column, row) in cells {
+            let (u, v) = (u64::from(column), u64::from(row));
+            sums.count += 1;
+            sums.u += u;
+            sums.v += v;
+            sums.uu += u128::from(u * u);
+            sums.vv += u128::from(v * v);
         }
         sums
     }

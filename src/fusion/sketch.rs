@@ -6,12 +6,13 @@
 //! wall point of another map is matched when one of the cells around is occupied, and violated when all of them are free.
 //! Of the matched walls' normals n the smaller eigenvalue of the sum of n n^T is the wall that holds the weaker direction.
 //!
-//! **Cost.** Some passes over the map, and a byte for each of its cells; a look at a pose costs some ten thousand cells.
+//! **Cost.** Two passes over the map, and two bits for each of its cells; a look at a pose costs some ten thousand cells.
 
 use super::Moments;
-use super::conflicts::near;
+use super::bitmap::Bitmap;
+use super::conflicts::reach_cells;
 use crate::geometry::{Point, Pose2};
-use crate::grid::{CellState, OccupancyGrid};
+use crate::grid::{CellState, Lattice, OccupancyGrid};
 
 /// The most points of each kind.
 const POINTS_MAX: usize = 4000;
@@ -24,8 +25,10 @@ pub(super) struct Sketch {
     known: Vec<Point>,
     /// Radius of a circle around the middle of the lattice that holds all points.
     circle: (Point, f64),
-    /// What is around each cell.
-    around: Vec<Around>,
+    /// Cells with a wall around.
+    near_wall: Bitmap,
+    /// Cells with something around that is not known.
+    near_unknown: Bitmap,
 }
 
 /// A point of a wall.
@@ -105,63 +108,23 @@ impl WallAgreement {
 impl Sketch {
     /// Walls within the tolerance (metres) of each other are the same one.
     pub(super) fn of(grid: &OccupancyGrid, tolerance_m: f64) -> Self {
-        Self {
-            around: around(grid, tolerance_m),
-            ..Self::points(grid)
-        }
-    }
-
-    /// The points alone: of a map that is looked up in others, but in which nothing is.
-    pub(super) fn points(grid: &OccupancyGrid) -> Self {
         let lattice = grid.lattice();
-        let (mut occupied, mut known) = (0_usize, 0_usize);
-        for cell in grid.cells() {
-            match cell.state() {
-                CellState::Unknown => {}
-                CellState::Free => known += 1,
-                CellState::Occupied => {
-                    known += 1;
-                    occupied += 1;
-                }
-            }
-        }
-        let (wall_step, known_step) = (occupied.div_ceil(POINTS_MAX).max(1), known.div_ceil(POINTS_MAX).max(1));
-        #[expect(clippy::cast_precision_loss, reason = "steps are below 2^31")]
-        let wall_m = lattice.resolution() * wall_step as f64;
-        let (mut walls, mut all) = (Vec::new(), Vec::new());
-        let (mut next_wall, mut next_known) = (wall_step / 2, known_step / 2);
-        for row in 0..lattice.height() {
-            for (column, cell) in (0_u32..).zip(grid.row(row)) {
-                let state = cell.state();
-                if state == CellState::Unknown {
-                    continue;
-                }
-                if next_known == 0 {
-                    all.push(lattice.cell_center(column, row));
-                    next_known = known_step;
-                }
-                next_known -= 1;
-                if state == CellState::Occupied {
-                    if next_wall == 0 {
-                        walls.push(Wall {
-                            point: lattice.cell_center(column, row),
-                            normal: normal(grid, column, row),
-                            metres: wall_m,
-                        });
-                        next_wall = wall_step;
-                    }
-                    next_wall -= 1;
-                }
-            }
-        }
+        let occupied = Bitmap::of(grid, |state| state == CellState::Occupied);
+        let known = Bitmap::of(grid, |state| state != CellState::Unknown);
+        let step = step(&known);
+        let known_points = known.every(step / 2, step);
         let [low, _, high, _] = lattice.corners();
         let middle = [f64::midpoint(low[0], high[0]), f64::midpoint(low[1], high[1])];
+        let reach = reach_cells(grid, tolerance_m);
         Self {
-            moments: Moments::of(grid),
-            walls,
-            known: all,
+            moments: Moments::of_cells(grid, &occupied),
+            walls: wall_points(grid, &occupied),
+            known: known_points
+                .map(|(column, row)| lattice.cell_center(column, row))
+                .collect(),
             circle: (middle, (high[0] - low[0]).hypot(high[1] - low[1]) / 2.0),
-            around: Vec::new(),
+            near_wall: occupied.widened(reach),
+            near_unknown: known.inverted().widened(reach),
         }
     }
 
@@ -171,11 +134,38 @@ impl Sketch {
 
     /// What is around a point of the map's frame.
     pub(super) fn around(&self, grid: &OccupancyGrid, point: Point) -> Around {
-        let cell = grid.lattice().cell_at(point);
-        cell.map_or(Around::Doubt, |(column, row)| {
-            self.around[grid.lattice().index(column, row)]
-        })
+        self.around_cell(grid.lattice().cell_at(point))
     }
+
+    fn around_cell(&self, cell: Option<(u32, u32)>) -> Around {
+        match cell {
+            Some((column, row)) if self.near_wall.has(column, row) => Around::Wall,
+            Some((column, row)) if !self.near_unknown.has(column, row) => Around::Free,
+            _ => Around::Doubt,
+        }
+    }
+}
+
+/// The wall points of a map that is looked up in others, but in which nothing is.
+pub(super) fn walls_of(grid: &OccupancyGrid) -> Vec<Wall> {
+    wall_points(grid, &Bitmap::of(grid, |state| state == CellState::Occupied))
+}
+
+fn wall_points(grid: &OccupancyGrid, occupied: &Bitmap) -> Vec<Wall> {
+    let (lattice, step) = (grid.lattice(), step(occupied));
+    #[expect(clippy::cast_precision_loss, reason = "steps are below 2^31")]
+    let metres = lattice.resolution() * step as f64;
+    let chosen = occupied.every(step / 2, step).map(|(column, row)| Wall {
+        point: lattice.cell_center(column, row),
+        normal: normal(occupied, lattice, column, row),
+        metres,
+    });
+    chosen.collect()
+}
+
+/// Of how many cells one is taken.
+fn step(cells: &Bitmap) -> usize {
+    cells.count().div_ceil(POINTS_MAX).max(1)
 }
 
 /// A map with its sketch.
@@ -207,8 +197,8 @@ pub(super) fn agreement(fixed: Sketched<'_>, moving: Sketched<'_>, pose_fixed_mo
     if !may_meet(fixed.1, moving.1, pose_fixed_moving) {
         return WallAgreement::default();
     }
-    let there = look_up(moving.1, fixed, pose_fixed_moving);
-    let back = look_up(fixed.1, moving, pose_fixed_moving.inverse());
+    let there = look_up(&moving.1.walls, fixed, pose_fixed_moving);
+    let back = look_up(&fixed.1.walls, moving, pose_fixed_moving.inverse());
     there.mean(back)
 }
 
@@ -220,16 +210,17 @@ fn may_meet(fixed: &Sketch, moving: &Sketch, pose_fixed_moving: Pose2) -> bool {
     (ax - bx).hypot(ay - by) <= radius_a + radius_b
 }
 
-/// The wall points of `from` in the map `to`.
-pub(super) fn look_up(from: &Sketch, (to, sketch): Sketched<'_>, pose_to_from: Pose2) -> WallAgreement {
+/// The wall points of one map in the map `to`.
+pub(super) fn look_up(walls: &[Wall], (to, sketch): Sketched<'_>, pose_to_walls: Pose2) -> WallAgreement {
     let lattice = to.lattice();
-    let to_cells = (lattice.origin().inverse() * pose_to_from).motion();
+    let to_cells = (lattice.origin().inverse() * pose_to_walls).motion();
     let per_metre = 1.0 / lattice.resolution();
-    tally(from.walls.iter().map(|wall| {
+    tally(walls.iter().map(|wall| {
         let [x, y] = to_cells.apply(wall.point);
-        let cell = lattice.cell_of([x * per_metre, y * per_metre]);
-        let around = cell.map_or(Around::Doubt, |(column, row)| sketch.around[lattice.index(column, row)]);
-        (*wall, around)
+        (
+            *wall,
+            sketch.around_cell(lattice.cell_of([x * per_metre, y * per_metre])),
+        )
     }))
 }
 
@@ -263,28 +254,15 @@ pub(super) fn tally(walls: impl Iterator<Item = (Wall, Around)>) -> WallAgreemen
 /// How much a piece of clutter holds each direction, as a share of its length.
 const CLUTTER: f64 = 0.3;
 
-/// What is around each cell.
-fn around(grid: &OccupancyGrid, tolerance_m: f64) -> Vec<Around> {
-    let wall = near(grid, tolerance_m, |state| state == CellState::Occupied);
-    let doubt = near(grid, tolerance_m, |state| state == CellState::Unknown);
-    let told = wall.into_iter().zip(doubt).map(|(wall, doubt)| match (wall, doubt) {
-        (true, _) => Around::Wall,
-        (false, true) => Around::Doubt,
-        (false, false) => Around::Free,
-    });
-    told.collect()
-}
-
 /// The normal of a wall at one of its cells, in the map's frame: across the occupied cells within three cells of it,
 /// where they lie in a line.
 #[expect(clippy::similar_names, reason = "the letters of the formulas")]
-fn normal(grid: &OccupancyGrid, column: u32, row: u32) -> Option<Point> {
+fn normal(occupied: &Bitmap, lattice: &Lattice, column: u32, row: u32) -> Option<Point> {
     const REACH: u32 = 3;
-    let lattice = grid.lattice();
     let [mut count, mut sum_x, mut sum_y, mut sum_xx, mut sum_xy, mut sum_yy] = [0.0; 6];
     for other_row in row.saturating_sub(REACH)..=(row + REACH).min(lattice.height() - 1) {
         for other in column.saturating_sub(REACH)..=(column + REACH).min(lattice.width() - 1) {
-            if grid.at(other, other_row).state() == CellState::Occupied {
+            if occupied.has(other, other_row) {
                 let dx = f64::from(other) - f64::from(column);
                 let dy = f64::from(other_row) - f64::from(row);
                 count += 1.0;
@@ -313,7 +291,7 @@ fn normal(grid: &OccupancyGrid, column: u32, row: u32) -> Option<Point> {
 mod tests {
     use super::*;
     use crate::geometry::Angle;
-    use crate::grid::{Lattice, LogOdds};
+    use crate::grid::LogOdds;
 
     /// A free hall with walls around and unknown space outside.
     fn hall(width: u32, height: u32) -> OccupancyGrid {
