@@ -27,7 +27,11 @@ impl Bitmap {
             .with_min_len(16)
             .for_each(|(words, cells)| {
                 for (word, cells) in words.iter_mut().zip(cells.chunks(WORD)) {
-                    *word = (cells.iter().rev()).fold(0, |word, cell| word << 1 | u64::from(such(cell.state())));
+                    let mut said = [0_u8; WORD];
+                    for (said, cell) in said.iter_mut().zip(cells) {
+                        *said = u8::from(such(cell.state()));
+                    }
+                    *word = packed(&said);
                 }
             });
         Self { width, words }
@@ -122,6 +126,15 @@ impl Bitmap {
 
 fn short(count: usize) -> u32 {
     u32::try_from(count).expect("invariant: a lattice's sides fit 32 bits")
+}
+
+/// Bytes of 0 or 1 as the bits of a word: a multiplication brings those of eight bytes together in its highest byte.
+fn packed(said: &[u8; WORD]) -> u64 {
+    let bytes = said.as_chunks::<8>().0.iter().map(|eight| {
+        let gathered = u64::from_le_bytes(*eight).wrapping_mul(0x0102_0408_1020_4080);
+        gathered >> 56
+    });
+    bytes.rev().fold(0, |word, byte| word << 8 | byte)
 }
 
 /// The places of the bits of a word, from the lowest.
