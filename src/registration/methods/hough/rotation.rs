@@ -1,7 +1,7 @@
 //! Rotation candidates: where the circular correlation of two Hough spectra peaks (paper eq. 22).
 //!
-//! Method: C(k) = sum over t of s_fixed(t + k) s_moving(t); local maxima at least 6 degrees apart with C at least a tenth
-//! of the greatest, the angle between bins by a parabola.
+//! Method: C(k) = sum over t of s_fixed(t + k) s_moving(t); local maxima at least 6 degrees apart with C at least 0.15 of
+//! the greatest, the angle between bins by a parabola.
 //! Fails when: the world has no direction (round, or only clutter): then C is flat, and a fan of rotations is tried.
 //! Differences from the paper: ALL maxima are kept. The true rotation is the greatest in only 3 of 4 pairs, since
 //! buildings repeat every quarter turn; which of them is right is for the walls and the free space to say. A spectrum has
@@ -15,7 +15,7 @@ use super::spectrum::DIRECTIONS;
 /// Local maxima closer than this are one, degrees.
 const APART: usize = 6;
 /// Maxima below this share of the greatest are left out.
-const LEAST_SHARE: f32 = 0.1;
+const LEAST_SHARE: f32 = 0.15;
 
 /// Candidate rotations of the moving map in radians, each modulo pi, the likeliest first.
 pub(super) fn candidates(fixed: &[f32], moving: &[f32], most: usize) -> Vec<f64> {

@@ -3,13 +3,14 @@
 //! Convention: a line of direction theta has the normal form rho = x cos(theta) + y sin(theta); turning the map by psi
 //! turns theta by psi.
 //! Method: (1) H(theta, rho) counts wall samples, split linearly between two bins of rho (paper section 4.1);
-//! (2) s(theta) = sum over rho of max(0, H - mean of H over 9 bins)^2.
+//! (2) s(theta)^2 = sum over rho of max(0, H - mean of H over 9 bins)^2.
 //! Shapes and units: 180 directions, 1 degree apart; rho bins of 0.1 m or one sample's length, if longer. Votes are whole
 //! numbers of 2^-12, the two parts of a vote side by side in 64 bits: one addition casts it, and sums are exact.
 //! Cost: a vectorised product and one addition in the first cache for each sample and direction.
-//! Differences from the paper: it takes the maximum of each column (right at rank 1 in .754, here in .772, and at rank 4
-//! in 1.000 instead of .982 of 272 pairs); the high pass removes what clutter and the map's outline add to all
-//! directions alike.
+//! Differences from the paper: it takes the maximum of each column (right at rank 1 in .754, and at rank 4 in .982 of 272
+//! pairs, where the sum of squares has .772 and 1.000); the high pass removes what clutter and the map's outline add to all
+//! directions alike. The root keeps the longest corridors from deciding alone: two maps may share a wing that is the
+//! longest of neither. Of 386 pairs the true rotation is among the candidates in 384, in 379 without the root.
 
 use rayon::prelude::*;
 
@@ -40,7 +41,7 @@ pub(super) fn spectrum(samples: &[Wall], bin: f32) -> Spectrum {
             |(votes, sums), direction| {
                 votes.fill(0);
                 vote(&points, real(direction).to_radians().sin_cos(), votes);
-                energy(votes, sums)
+                energy(votes, sums).sqrt()
             },
         )
         .collect();
@@ -112,7 +113,7 @@ widest! {
 }
 
 widest! {
-    /// Equation (2). `sums` has one element more than `votes`; what it holds does not matter.
+    /// The square of equation (2). `sums` has one element more than `votes`; what it holds does not matter.
     fn energy(votes: &[u64], sums: &mut [u32]) -> f32 {
         let (mut sum, mut carried) = (0_u32, 0_u32);
         sums[0] = 0;
@@ -161,7 +162,8 @@ mod tests {
                 column
                     .windows(9)
                     .map(|window| (window[4] - window.iter().sum::<f32>() / 9.0).max(0.0).powi(2))
-                    .sum()
+                    .sum::<f32>()
+                    .sqrt()
             })
             .collect();
         let mean = values.iter().sum::<f32>() / real(DIRECTIONS);
