@@ -63,11 +63,8 @@ impl Bitmap {
         let per_row = self.per_row();
         (0_usize..).zip(&self.words).flat_map(move |(index, &word)| {
             let here = word.count_ones() as usize;
-            let chosen = if to_pass < here {
-                bits(word).skip(to_pass).step_by(step)
-            } else {
-                bits(0).skip(0).step_by(step)
-            };
+            let chosen = if to_pass < here { (word, to_pass) } else { (0, 0) };
+            let chosen = bits(chosen.0).skip(chosen.1).step_by(step);
             // what is left to pass in the words that follow
             to_pass = if to_pass < here {
                 (step - 1) - (here - 1 - to_pass) % step
@@ -83,7 +80,9 @@ impl Bitmap {
     pub(super) fn inverted(mut self) -> Self {
         let (per_row, beyond) = (self.per_row(), self.beyond());
         for row in self.words.chunks_mut(per_row) {
-            row.iter_mut().for_each(|word| *word = !*word);
+            for word in row.iter_mut() {
+                *word = !*word;
+            }
             row[per_row - 1] &= !beyond;
         }
         self
