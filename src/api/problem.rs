@@ -58,27 +58,34 @@ impl FieldError {
     /// The longest value that is repeated to the caller, in characters.
     pub const VALUE_MAX: usize = 120;
 
+    /// The longest name of a field, and the longest limit, in characters. Both may quote what was sent.
+    pub const WORDS_MAX: usize = 1000;
+
     /// A field with the value that it had and what is allowed.
     pub fn new(field: impl Into<String>, value: impl Into<String>, limit: impl Into<String>) -> Self {
-        let mut value = value.into();
-        if let Some((cut, _)) = value.char_indices().nth(Self::VALUE_MAX) {
-            value.truncate(cut);
-        }
         Self {
-            field: field.into(),
-            value: Some(value),
-            limit: Some(limit.into()),
+            value: Some(shortened(value.into(), Self::VALUE_MAX)),
+            ..Self::missing(field, limit)
         }
     }
 
     /// A field that is missing, and what is expected of it.
     pub fn missing(field: impl Into<String>, limit: impl Into<String>) -> Self {
         Self {
-            field: field.into(),
+            field: shortened(field.into(), Self::WORDS_MAX),
             value: None,
-            limit: Some(limit.into()),
+            limit: Some(shortened(limit.into(), Self::WORDS_MAX)),
         }
     }
+}
+
+/// The text, without what goes beyond so many characters: an answer does not grow with what was sent.
+fn shortened(mut text: String, characters_max: usize) -> String {
+    if let Some((cut, _)) = text.char_indices().nth(characters_max) {
+        text.truncate(cut);
+        text.shrink_to_fit();
+    }
+    text
 }
 
 macro_rules! problem_codes {
@@ -195,13 +202,16 @@ problem_codes! {
 }
 
 impl Problem {
+    /// The longest `detail`, in characters; it may quote what was sent.
+    pub const DETAIL_MAX: usize = 2000;
+
     /// A problem of this kind; the server adds the instance and the request id when it answers.
     pub fn new(code: ProblemCode, detail: impl Into<String>) -> Self {
         Self {
             kind: "about:blank".to_owned(),
             title: code.title().to_owned(),
             status: code.status(),
-            detail: detail.into(),
+            detail: shortened(detail.into(), Self::DETAIL_MAX),
             instance: None,
             code,
             request_id: String::new(),
@@ -230,8 +240,14 @@ mod tests {
     }
 
     #[test]
-    fn a_long_value_is_shortened() {
-        let error = FieldError::new("title", "x".repeat(1000), "at most 200 characters");
-        assert_eq!(error.value.map(|value| value.len()), Some(FieldError::VALUE_MAX));
+    fn a_problem_does_not_grow_with_what_was_sent() {
+        let sent = "\u{e9}".repeat(1 << 20);
+        let length = |text: Option<String>| text.map(|text| text.chars().count());
+        let error = FieldError::new(&sent, &sent, &sent);
+        assert_eq!(length(Some(error.field)), Some(FieldError::WORDS_MAX));
+        assert_eq!(length(error.value), Some(FieldError::VALUE_MAX));
+        assert_eq!(length(error.limit), Some(FieldError::WORDS_MAX));
+        let problem = Problem::new(ProblemCode::InvalidRequest, sent);
+        assert_eq!(length(Some(problem.detail)), Some(Problem::DETAIL_MAX));
     }
 }

@@ -27,6 +27,7 @@ mod openapi;
 mod page;
 mod refusals;
 mod refuse;
+mod rest;
 mod rules;
 mod sessions;
 mod state;
@@ -39,7 +40,7 @@ mod zip;
 
 use axum::Router;
 use axum::extract::Request;
-use axum::middleware::{from_fn, from_fn_with_state};
+use axum::middleware::{from_fn, from_fn_with_state, map_request_with_state};
 use tower::{ServiceBuilder, ServiceExt as _};
 use tower_http::catch_panic::CatchPanicLayer;
 use utoipa::OpenApi as _;
@@ -109,5 +110,6 @@ pub fn app(state: AppState) -> Router {
     Router::new()
         .fallback_service(routed)
         .layer(from_fn_with_state(state.clone(), load::shed))
-        .layer(from_fn_with_state(state, middleware::follow))
+        .layer(from_fn_with_state(state.clone(), middleware::follow))
+        .layer(map_request_with_state(state, rest::read_rest))
 }

@@ -54,6 +54,7 @@ impl UploadBody {
             bytes: state.limits.body_bytes,
             time: state.limits.body_time,
         };
+        refuse_encoded(headers)?;
         refuse_by_length(headers, limits.bytes)?;
         let digests = ToldDigests::of(headers)?;
         let place = state.uploads.clone().try_acquire_owned().map_err(|_| {
@@ -96,6 +97,22 @@ pub(in crate::http) fn media_type(content_type: &str) -> String {
         .unwrap_or_default()
         .trim()
         .to_ascii_lowercase()
+}
+
+/// Refuses a body that says that it is compressed: none is unpacked, so none can unpack to more than it is.
+pub(super) fn refuse_encoded(headers: &HeaderMap) -> ApiResult<()> {
+    for value in headers.get_all(header::CONTENT_ENCODING) {
+        let sent = value.to_str().unwrap_or("\u{fffd}");
+        if !sent.trim().eq_ignore_ascii_case("identity") {
+            let limit = "absent or identity; send the body as it is, pictures are compressed already";
+            return Err(ApiError::new(
+                ProblemCode::UnsupportedMediaType,
+                format!("content-encoding is {sent:?}; it must be {limit}"),
+            )
+            .field(FieldError::new("content-encoding", sent, limit)));
+        }
+    }
+    Ok(())
 }
 
 /// Refuses a body that announces itself as too long, before a byte of it is read.
@@ -176,6 +193,19 @@ mod tests {
         };
         let error = read_body(never, limits).await.expect_err("a deadline");
         assert!(error.to_string().contains("did not arrive"));
+    }
+
+    #[test]
+    fn a_compressed_body_is_refused_by_its_header() {
+        let with = |encoding: &'static str| {
+            let value = axum::http::HeaderValue::from_static(encoding);
+            refuse_encoded(&HeaderMap::from_iter([(header::CONTENT_ENCODING, value)]))
+        };
+        assert!(with("Identity").is_ok() && refuse_encoded(&HeaderMap::new()).is_ok());
+        for encoding in ["gzip", "identity, gzip", "br", ""] {
+            let refused = with(encoding).expect_err(encoding).to_string();
+            assert!(refused.contains("content-encoding"), "{refused}");
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use axum::http::{HeaderMap, header};
 use bytes::Bytes;
 use serde::de::DeserializeOwned;
 
-use super::body::{BodyLimits, media_type, read_body, refuse_by_length};
+use super::body::{BodyLimits, media_type, read_body, refuse_by_length, refuse_encoded};
 use super::digest::ToldDigests;
 use crate::api::{FieldError, ProblemCode};
 use crate::http::error::{ApiError, ApiResult};
@@ -44,6 +44,7 @@ pub(in crate::http) async fn read_json(headers: &HeaderMap, body: Body, state: &
         bytes: state.limits.body_bytes.min(JSON_BYTES_MAX),
         time: state.limits.body_time,
     };
+    refuse_encoded(headers)?;
     refuse_by_length(headers, limits.bytes)?;
     let digests = ToldDigests::of(headers)?;
     let bytes = read_body(body, limits).await?;

@@ -1,6 +1,8 @@
 //! Servers that are spawned as a process and driven over HTTP.
 
 mod access;
+mod bomb_corpus;
+mod bombs;
 mod command;
 mod demo_command;
 mod errors;

@@ -114,6 +114,11 @@ impl TestServer {
         self.client.request(method, self.url(path))
     }
 
+    /// Bytes of memory that it has had at most (`VmHWM`).
+    pub(crate) fn peak_memory(&self) -> u64 {
+        peak_memory_of(self.child.id())
+    }
+
     /// Where it keeps everything.
     pub(crate) fn folder(&self) -> &Path {
         self.folder.path()
@@ -187,6 +192,14 @@ impl Drop for TestServer {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+/// Bytes of memory that a process has had at most (`VmHWM`).
+pub(crate) fn peak_memory_of(process: u32) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).expect("Linux tells of its processes");
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kilobytes = line.and_then(|line| line.trim().strip_suffix(" kB"));
+    kilobytes.and_then(|number| number.parse::<u64>().ok()).expect("kB") << 10
 }
 
 /// A process that has ended already.

@@ -24,7 +24,7 @@ use std::time::Duration;
 const PATIENCE: Duration = Duration::from_mins(2);
 
 /// A number that makes a test longer than it is among the others.
-fn full_form(variable: &str, short: usize) -> usize {
+pub(crate) fn full_form(variable: &str, short: usize) -> usize {
     match std::env::var(variable) {
         Ok(number) => number
             .parse()
@@ -34,15 +34,15 @@ fn full_form(variable: &str, short: usize) -> usize {
 }
 
 /// Prints past the capture of the test harness, which hides what tests that pass have said.
-fn tell(figures: &str) {
+pub(crate) fn tell(figures: &str) {
     let _ = writeln!(std::io::stderr(), "{figures}");
 }
 
 /// Random numbers that are the same in every run.
-struct Dice(u64);
+pub(crate) struct Dice(u64);
 
 impl Dice {
-    fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self(seed)
     }
 
@@ -56,7 +56,7 @@ impl Dice {
     }
 
     /// Below `most`.
-    fn below(&mut self, most: usize) -> usize {
+    pub(crate) fn below(&mut self, most: usize) -> usize {
         usize::try_from(self.next() % most as u64).expect("below a usize")
     }
 
