@@ -30,6 +30,19 @@ const KEEP_ALIVE: Duration = Duration::from_secs(15);
 /// Most versions that are told at one look; further ones are told at the next.
 const VERSIONS_AT_ONCE: u32 = 100;
 
+/// One event of a stream.
+#[derive(utoipa::ToSchema)]
+#[expect(dead_code, reason = "only for the OpenAPI document")]
+struct StreamEvent {
+    /// What it tells of: `job`, `version` or `session`.
+    event: String,
+    /// To come back with, as `Last-Event-ID`.
+    id: String,
+    /// It, as JSON.
+    #[schema(content_media_type = "application/json")]
+    data: String,
+}
+
 /// Follow a job
 ///
 /// An event `job` with the whole job whenever it changes, until it has ended. A client that comes back with the last
@@ -38,7 +51,7 @@ const VERSIONS_AT_ONCE: u32 = 100;
     get, path = "/v1/jobs/{job}/events", tag = "jobs", operation_id = "job_events",
     params(JobPath, ("last-event-id" = Option<String>, Header, description = "Id of the last event that was seen")),
     responses(
-        (status = 200, description = "Events `job`, each with a Job", body = inline(String),
+        (status = 200, description = "Events `job`, each with a Job", body = StreamEvent,
          content_type = "text/event-stream"),
         (status = 204, description = "The job has ended, and the client has seen it"),
         OfJob,
@@ -130,7 +143,7 @@ fn job_tag(job: &Job) -> String {
     ),
     responses(
         (status = 200, description = "Events `version` (VersionSummary), `job` (Job) and `session` (Session)",
-         body = inline(String), content_type = "text/event-stream"),
+         body = StreamEvent, content_type = "text/event-stream"),
         InSession,
     )
 )]

@@ -165,7 +165,6 @@ async fn keep(
 #[into_params(parameter_in = Query)]
 pub(super) struct MapListQuery {
     /// Only maps of this robot.
-    #[param(value_type = Option<String>)]
     robot: Option<RobotId>,
     /// Most items of the page.
     #[param(default = 50, minimum = 1, maximum = 200)]

@@ -25,7 +25,7 @@ pub(super) struct MergeQuery {
     #[param(value_type = Option<MethodName>)]
     method: Option<String>,
     /// Its parameters: a JSON object; those that are not named have their defaults.
-    #[param(example = "{\"v_gate\": 12}")]
+    #[param(example = "{\"reach_m\": 0.5}")]
     parameters: Option<String>,
     /// Name of the map in whose frame the result is told: the stem of its file's name. Default: the first one.
     anchor: Option<String>,
@@ -39,10 +39,10 @@ pub(super) struct MergeQuery {
 #[expect(dead_code, reason = "only for the OpenAPI document")]
 pub(super) struct MergeForm {
     /// The YAML files of two or more maps.
-    #[schema(value_type = Vec<String>, format = Binary, min_items = 1)]
+    #[schema(value_type = Vec<String>, format = Binary, min_items = 2)]
     map: Vec<Vec<u8>>,
     /// Their pictures, PNG or PGM.
-    #[schema(value_type = Vec<String>, format = Binary, min_items = 1)]
+    #[schema(value_type = Vec<String>, format = Binary, min_items = 2)]
     image: Vec<Vec<u8>>,
 }
 

@@ -6,7 +6,7 @@ use utoipa::openapi::header::HeaderBuilder;
 use utoipa::openapi::path::{Operation, ParameterBuilder, ParameterIn};
 use utoipa::openapi::schema::{ObjectBuilder, Type};
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
-use utoipa::openapi::{ContactBuilder, RefOr};
+use utoipa::openapi::{ContactBuilder, RefOr, Required};
 
 use super::auth::{ANSWERS, Access};
 use super::calls::{IDEMPOTENCY_REPLAYED, can_be_named};
@@ -59,6 +59,7 @@ pub(super) fn complete(mut document: utoipa::openapi::OpenApi) -> utoipa::openap
             any_refusal(operation);
             key_needed(operation);
             name_taken(operation);
+            body_may_be_empty(operation);
         }
     }
     without_null_defaults(document)
@@ -165,6 +166,19 @@ fn name_taken(operation: &mut Operation) {
         ProblemCode::IdempotencyKeyReused,
     ];
     add_refusals(operation, &codes);
+}
+
+/// The operations whose empty body stands for `{}`: every member of it has a default.
+const EMPTY_BODIES: [&str; 4] = ["create_session", "put_session", "patch_session", "merge"];
+
+fn body_may_be_empty(operation: &mut Operation) {
+    let id = operation.operation_id.as_deref().unwrap_or_default();
+    if !EMPTY_BODIES.contains(&id) {
+        return;
+    }
+    if let Some(RefOr::T(body)) = operation.request_body.as_mut() {
+        body.required = Some(Required::False);
+    }
 }
 
 fn any_refusal(operation: &mut Operation) {

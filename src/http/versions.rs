@@ -183,7 +183,7 @@ pub(super) async fn map_pgm(
 #[into_params(parameter_in = Query)]
 pub(super) struct YamlQuery {
     /// The picture that it names: `map.png` or `map.pgm`.
-    #[param(default = "map.png")]
+    #[param(default = "map.png", pattern = r"^map\.(png|pgm)$")]
     image: Option<String>,
 }
 

@@ -75,6 +75,7 @@ pub struct Fixed {
 #[serde(deny_unknown_fields)]
 pub struct Apart {
     /// The two robots.
+    #[schema(value_type = Vec<RobotId>, min_items = 2, max_items = 2)]
     pub robots: [RobotId; 2],
 }
 

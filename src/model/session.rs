@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::num::NonZeroU32;
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
+use utoipa::openapi::{ObjectBuilder, RefOr, Schema, Type};
+use utoipa::{PartialSchema, ToSchema};
 
 use super::{Invalid, MethodSpec, RobotId, SessionId, Timestamp};
 use crate::grid::Lattice;
@@ -148,7 +149,7 @@ mod present {
 /// A title for people: at most [`Title::CHARS_MAX`] characters, no control characters.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(try_from = "String", into = "String")]
-#[schema(value_type = String, max_length = 200)]
+#[schema(value_type = String, max_length = 200, pattern = r"^[^\u0000-\u001f\u007f-\u009f]*$")]
 pub struct Title(String);
 
 impl Title {
@@ -190,10 +191,30 @@ impl From<Title> for String {
 
 /// Labels by name: at most [`Labels::COUNT_MAX`]; names of 1 to [`Labels::CHARS_MAX`] characters, values of at most as
 /// many, no control characters.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "BTreeMap<String, String>", into = "BTreeMap<String, String>")]
-#[schema(value_type = BTreeMap<String, String>)]
 pub struct Labels(BTreeMap<String, String>);
+
+impl PartialSchema for Labels {
+    fn schema() -> RefOr<Schema> {
+        let text = |least| {
+            ObjectBuilder::new()
+                .schema_type(Type::String)
+                .min_length(Some(least))
+                .max_length(Some(Self::CHARS_MAX))
+                .pattern(Some(r"^[^\u0000-\u001f\u007f-\u009f]*$"))
+        };
+        let labels = ObjectBuilder::new()
+            .schema_type(Type::Object)
+            .description(Some("Labels by name, none with control characters."))
+            .property_names(Some(text(1)))
+            .additional_properties(Some(Schema::from(text(0))))
+            .max_properties(Some(Self::COUNT_MAX));
+        labels.into()
+    }
+}
+
+impl ToSchema for Labels {}
 
 impl Labels {
     /// The most labels of a session.

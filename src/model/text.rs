@@ -11,7 +11,7 @@ macro_rules! plain_text {
         $(#[$doc])*
         #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
         #[serde(try_from = "String", into = "String")]
-        #[schema(value_type = String, min_length = 1, max_length = $chars_max)]
+        #[schema(value_type = String, min_length = 1, max_length = $chars_max, pattern = r"^[^\u0000-\u001f\u007f-\u009f]*$")]
         pub struct $name(String);
 
         impl $name {

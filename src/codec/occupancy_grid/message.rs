@@ -35,10 +35,13 @@ pub struct Header {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct Info {
     /// Metres per cell.
+    #[schema(minimum = 0.001, maximum = 100)]
     pub resolution: f64,
     /// Cells in a row.
+    #[schema(minimum = 1)]
     pub width: u32,
     /// Rows.
+    #[schema(minimum = 1)]
     pub height: u32,
     /// Pose of the lower-left corner of cell (0, 0).
     pub origin: Origin,
