@@ -41,7 +41,7 @@ pub struct SessionSettings {
     pub resolution: Option<Resolution>,
     /// How many versions are kept, the newest ones; as many as the server keeps, unless it is said. With versions go the
     /// maps that no version is made of any more.
-    #[schema(value_type = Option<u32>, minimum = 1)]
+    #[schema(value_type = Option<u32>, format = Int64, minimum = 1, maximum = 4_294_967_295_u64)]
     pub keep_versions: Option<NonZeroU32>,
 }
 
@@ -102,7 +102,7 @@ pub struct SessionPatch {
     pub resolution: Option<Option<Resolution>>,
     /// How many versions to keep from now on.
     #[serde(with = "present", skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<u32>, minimum = 1)]
+    #[schema(value_type = Option<u32>, format = Int64, minimum = 1, maximum = 4_294_967_295_u64)]
     pub keep_versions: Option<Option<NonZeroU32>>,
 }
 
