@@ -110,10 +110,13 @@ pub fn optimise(moments: &[Moments], edges: &[Edge], held: &[(usize, Pose2)]) ->
     let inverse = normal.cholesky().map(|factor| factor.inverse());
     poses
         .iter()
+        .enumerate()
         .zip(&columns)
         .zip(&middles)
-        .map(|((pose, column), &middle)| {
-            let pose = (*pose)? * middle.inverse();
+        .map(|(((node, pose), column), &middle)| {
+            // what is held is told as it was given, not as it comes back from the middle
+            let given = held.iter().rfind(|&&(held, _)| held == node);
+            let pose = given.map_or((*pose)? * middle.inverse(), |&(_, pose)| pose);
             let covariance = match (column, &inverse) {
                 (Some(column), Some(inverse)) => {
                     let block: Matrix3<f64> = inverse.fixed_view::<3, 3>(*column, *column).into_owned();
@@ -312,6 +315,7 @@ mod tests {
                 let estimate = estimates[node].expect("connected");
                 prop_assert!(moments[node].distance(estimate.pose, truth[node]) < 1e-6);
             }
+            prop_assert_eq!(estimates[0].expect("held").pose, truth[0], "held is as given, to the last bit");
         }
     }
 }

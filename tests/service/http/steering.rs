@@ -191,10 +191,7 @@ async fn an_operator_accepts_by_hand_what_the_maps_alone_cannot_tell() {
     // the rival of the first candidate is the other way round
     let (_, preview) = dry(&server, json!({ "rules": [accept(0, true)] })).await;
     let rival = pair.candidates[0].evidence.runner_up.as_ref().expect("a rival");
-    // told in the anchor's frame: the same but for the rounding of a product with the anchor's own pose
-    let told = preview.maps[1].pose.expect("placed by hand");
-    let rival = rival.pose.to_pose2().expect("finite");
-    assert!(distance(told, rival) < 1e-9, "{told:?} {rival:?}");
+    assert_eq!(preview.maps[1].pose, Some(rival.pose));
 
     let said = constrain(&server, json!({ "rule": accept(right, false) })).await;
     let (_, result) = merged(&server, json!({})).await;
