@@ -1,13 +1,11 @@
 //! A session: a place and a time that robots map together.
 
-use std::collections::BTreeMap;
 use std::num::NonZeroU32;
 
 use serde::{Deserialize, Serialize};
-use utoipa::openapi::{ObjectBuilder, RefOr, Schema, Type};
-use utoipa::{PartialSchema, ToSchema};
+use utoipa::ToSchema;
 
-use super::{Invalid, MethodSpec, RobotId, SessionId, Timestamp};
+use super::{Invalid, Labels, MethodSpec, RobotId, SessionId, Timestamp, Title};
 use crate::grid::Lattice;
 
 /// A session as it is kept.
@@ -146,166 +144,6 @@ mod present {
     }
 }
 
-/// A title for people: at most [`Title::CHARS_MAX`] characters, no control characters.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(try_from = "String", into = "String")]
-#[schema(value_type = String, max_length = 200, pattern = r"^[^\u0000-\u001f\u007f-\u009f]*$")]
-pub struct Title(String);
-
-impl Title {
-    /// The most characters of a title.
-    pub const CHARS_MAX: usize = 200;
-
-    /// The title, if it is allowed.
-    ///
-    /// # Errors
-    /// [`Invalid`] names the limit.
-    pub fn parse(text: &str) -> Result<Self, Invalid> {
-        is_plain(text, Self::CHARS_MAX)
-            .then(|| Self(text.to_owned()))
-            .ok_or_else(|| {
-                let limit = format!("at most {} characters without control characters", Self::CHARS_MAX);
-                Invalid::new("title", text, limit)
-            })
-    }
-
-    /// The text.
-    #[must_use]
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
-
-impl TryFrom<String> for Title {
-    type Error = Invalid;
-    fn try_from(text: String) -> Result<Self, Invalid> {
-        Self::parse(&text)
-    }
-}
-
-impl From<Title> for String {
-    fn from(title: Title) -> Self {
-        title.0
-    }
-}
-
-/// Labels by name: at most [`Labels::COUNT_MAX`]; names of 1 to [`Labels::CHARS_MAX`] characters, values of at most as
-/// many, no control characters.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "BTreeMap<String, String>", into = "BTreeMap<String, String>")]
-pub struct Labels(BTreeMap<String, String>);
-
-impl PartialSchema for Labels {
-    fn schema() -> RefOr<Schema> {
-        let text = |least| {
-            ObjectBuilder::new()
-                .schema_type(Type::String)
-                .min_length(Some(least))
-                .max_length(Some(Self::CHARS_MAX))
-                .pattern(Some(r"^[^\u0000-\u001f\u007f-\u009f]*$"))
-        };
-        let labels = ObjectBuilder::new()
-            .schema_type(Type::Object)
-            .description(Some("Labels by name, none with control characters."))
-            .property_names(Some(text(1)))
-            .additional_properties(Some(Schema::from(text(0))))
-            .max_properties(Some(Self::COUNT_MAX));
-        labels.into()
-    }
-}
-
-impl ToSchema for Labels {}
-
-impl Labels {
-    /// The most labels of a session.
-    pub const COUNT_MAX: usize = 32;
-    /// The most characters of a label's name, and of its value.
-    pub const CHARS_MAX: usize = 100;
-
-    /// The labels, if they are allowed.
-    ///
-    /// # Errors
-    /// [`Invalid`] names the label and the limit.
-    pub fn parse(labels: BTreeMap<String, String>) -> Result<Self, Invalid> {
-        if labels.len() > Self::COUNT_MAX {
-            let limit = format!("at most {} labels", Self::COUNT_MAX);
-            return Err(Invalid::new("labels", &labels.len().to_string(), limit));
-        }
-        let good = |text: &str| is_plain(text, Self::CHARS_MAX);
-        match labels
-            .iter()
-            .find(|(name, value)| name.is_empty() || !good(name) || !good(value))
-        {
-            None => Ok(Self(labels)),
-            Some((name, value)) => {
-                let limit = format!(
-                    "names of 1 to {max} and values of at most {max} characters without control characters",
-                    max = Self::CHARS_MAX
-                );
-                Err(Invalid::new("labels", &format!("{name}={value}"), limit))
-            }
-        }
-    }
-
-    /// The labels by name.
-    #[must_use]
-    pub fn as_map(&self) -> &BTreeMap<String, String> {
-        &self.0
-    }
-}
-
-impl TryFrom<BTreeMap<String, String>> for Labels {
-    type Error = Invalid;
-    fn try_from(labels: BTreeMap<String, String>) -> Result<Self, Invalid> {
-        Self::parse(labels)
-    }
-}
-
-impl From<Labels> for BTreeMap<String, String> {
-    fn from(labels: Labels) -> Self {
-        labels.0
-    }
-}
-
-/// Which sessions are asked for, by their labels: those that have all of these, with this value where one is said.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-#[serde(transparent)]
-pub struct LabelFilter(BTreeMap<String, Option<String>>);
-
-impl LabelFilter {
-    /// A filter of texts `NAME=VALUE`, split at the first `=`, or `NAME`.
-    ///
-    /// # Errors
-    /// [`Invalid`] names the text that is no label, or that asks for another value of a name that was there before.
-    pub fn parse<'a>(texts: impl IntoIterator<Item = &'a str>) -> Result<Self, Invalid> {
-        let mut wanted = BTreeMap::new();
-        for text in texts {
-            let (name, value) = match text.split_once('=') {
-                Some((name, value)) => (name, Some(value)),
-                None => (text, None),
-            };
-            let good = |text: &str| is_plain(text, Labels::CHARS_MAX);
-            if name.is_empty() || !good(name) || !value.is_none_or(good) {
-                let limit = format!("NAME or NAME=VALUE of at most {} characters each", Labels::CHARS_MAX);
-                return Err(Invalid::new("label", text, limit));
-            }
-            let before = wanted.insert(name.to_owned(), value.map(str::to_owned));
-            if before.is_some() {
-                return Err(Invalid::new(
-                    "label",
-                    text,
-                    "of another name than the other labels that are asked for",
-                ));
-            }
-            if wanted.len() > Labels::COUNT_MAX {
-                let limit = format!("one of at most {} labels", Labels::COUNT_MAX);
-                return Err(Invalid::new("label", text, limit));
-            }
-        }
-        Ok(Self(wanted))
-    }
-}
-
 /// Metres a cell that a lattice can have.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(try_from = "f64", into = "f64")]
@@ -346,11 +184,6 @@ impl From<Resolution> for f64 {
     fn from(resolution: Resolution) -> Self {
         resolution.0
     }
-}
-
-pub(super) fn is_plain(text: &str, chars_max: usize) -> bool {
-    // a character takes at most 4 bytes: long texts are not counted
-    text.len() <= 4 * chars_max && text.chars().count() <= chars_max && !text.chars().any(char::is_control)
 }
 
 #[cfg(test)]
@@ -396,29 +229,5 @@ mod tests {
         };
         assert!(asked.is_met_by(&standing));
         assert!(!standing.is_met_by(&asked));
-    }
-
-    #[test]
-    fn a_filter_names_labels_with_their_values_or_without() {
-        let filter = LabelFilter::parse(["floor=2", "site", "note=a=b", "empty="]).expect("labels");
-        let json = serde_json::to_string(&filter).expect("serialises");
-        assert_eq!(json, r#"{"empty":"","floor":"2","note":"a=b","site":null}"#);
-        for bad in [&["=2"][..], &[""], &["floor=1", "floor=2"], &["a\nb"]] {
-            assert!(LabelFilter::parse(bad.iter().copied()).is_err(), "{bad:?}");
-        }
-    }
-
-    #[test]
-    fn titles_and_labels_out_of_range_are_refused_with_the_limit() {
-        assert!(Title::parse(&"ä".repeat(200)).is_ok());
-        let error = Title::parse(&"x".repeat(201)).expect_err("too long");
-        assert!(error.to_string().contains("at most 200 characters"), "{error}");
-        assert!(Title::parse("a\nb").is_err());
-        let label = |name: &str, value: &str| Labels::parse(BTreeMap::from([(name.to_owned(), value.to_owned())]));
-        assert!(label("floor", "").is_ok());
-        assert!(label("", "2").is_err());
-        assert!(label("floor", &"2".repeat(101)).is_err());
-        let many = (0..33).map(|i| (i.to_string(), String::new())).collect();
-        assert!(Labels::parse(many).is_err());
     }
 }
