@@ -97,57 +97,85 @@ pub(super) fn copy(from: &Path, to: &Path) {
     }
 }
 
+/// The folders of what releases wrote.
+fn releases() -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(fixtures()).expect("fixtures");
+    let releases: Vec<PathBuf> = entries.map(|entry| entry.expect("an entry").path()).collect();
+    assert!(!releases.is_empty(), "no fixture found");
+    releases
+}
+
+async fn folder_is_served_and_sound(release: &Path) {
+    let data = tempfile::tempdir().expect("a folder");
+    copy(&release.join("sqlite"), data.path());
+    let server = TestServer::start_in(data, &[]);
+    check(&server).await;
+    let folder = server.folder().to_str().expect("a readable path").to_owned();
+    let checked = mapweld(&["fsck", "--data", &folder]);
+    assert_eq!(checked.status.code(), Some(0), "{}: {checked:?}", release.display());
+}
+
+async fn dump_is_served_and_sound(release: &Path, database: &Database) {
+    database.load(&release.join("postgres.sql"));
+    let data = tempfile::tempdir().expect("a folder");
+    // the same maps make the same bytes, whatever database their records are in
+    copy(&release.join("sqlite/blobs"), &data.path().join("blobs"));
+    let url = database.url();
+    let server = TestServer::start_in(data, &["--database-url", &url]);
+    check(&server).await;
+    let folder = server.folder().to_str().expect("a readable path").to_owned();
+    let checked = mapweld(&["fsck", "--data", &folder, "--database-url", &url]);
+    assert_eq!(checked.status.code(), Some(0), "{}: {checked:?}", release.display());
+}
+
 #[tokio::test]
 async fn what_each_release_has_written_to_a_folder_is_served_and_sound() {
-    let mut releases = 0;
-    for entry in std::fs::read_dir(fixtures()).expect("fixtures") {
-        let from = entry.expect("an entry").path().join("sqlite");
-        let data = tempfile::tempdir().expect("a folder");
-        copy(&from, data.path());
-        let server = TestServer::start_in(data, &[]);
-        check(&server).await;
-        let folder = server.folder().to_str().expect("a readable path").to_owned();
-        let checked = mapweld(&["fsck", "--data", &folder]);
-        assert_eq!(checked.status.code(), Some(0), "{}: {checked:?}", from.display());
-        releases += 1;
+    for release in releases() {
+        folder_is_served_and_sound(&release).await;
     }
-    assert!(releases > 0, "no fixture found");
 }
 
 #[tokio::test]
 async fn what_each_release_has_written_to_postgres_is_served_and_sound() {
-    for entry in std::fs::read_dir(fixtures()).expect("fixtures") {
-        let release = entry.expect("an entry").path();
+    for release in releases() {
         let Some(database) = Database::fresh() else { return };
-        database.load(&release.join("postgres.sql"));
-        let data = tempfile::tempdir().expect("a folder");
-        // the same maps make the same bytes, whatever database their records are in
-        copy(&release.join("sqlite/blobs"), &data.path().join("blobs"));
-        let url = database.url();
-        let server = TestServer::start_in(data, &["--database-url", &url]);
-        check(&server).await;
-        let folder = server.folder().to_str().expect("a readable path").to_owned();
-        let checked = mapweld(&["fsck", "--data", &folder, "--database-url", &url]);
-        assert_eq!(checked.status.code(), Some(0), "{}: {checked:?}", release.display());
+        dump_is_served_and_sound(&release, &database).await;
     }
 }
 
-/// Makes the fixture of the present release; by hand, before it is published.
+/// `MAPWELD_WRITE_FIXTURE=1`, before a release, keeps it among the fixtures; otherwise it is thrown away.
 #[tokio::test]
-#[ignore = "writes into tests/fixtures: run by hand before a release"]
-async fn make_the_fixture_of_this_release() {
-    let server = TestServer::start(&[]);
-    fill(&server).await;
-    let to = fixtures().join(env!("CARGO_PKG_VERSION")).join("sqlite");
-    let _ = std::fs::remove_dir_all(&to);
-    let [data, to] = [server.folder(), &to].map(|path| path.to_str().expect("a readable path").to_owned());
-    let copied = mapweld(&["backup", "--data", &data, "--to", &to]);
-    assert_eq!(copied.status.code(), Some(0), "{copied:?}");
-    std::fs::remove_file(Path::new(&to).join("mapweld.lock")).expect("it was left by the backup");
+async fn the_fixture_of_this_release_can_be_made_and_is_served() {
+    let thrown_away = tempfile::tempdir().expect("a folder");
+    let kept = std::env::var_os("MAPWELD_WRITE_FIXTURE").is_some();
+    let among = if kept {
+        fixtures()
+    } else {
+        thrown_away.path().to_owned()
+    };
+    let release = among.join(env!("CARGO_PKG_VERSION"));
+    std::fs::create_dir_all(&release).expect("a folder");
+    write_folder(&release.join("sqlite")).await;
+    folder_is_served_and_sound(&release).await;
 
-    let database = Database::fresh().expect("a fixture of both databases needs both");
+    let Some(database) = Database::fresh() else {
+        assert!(!kept, "a fixture of both databases needs both");
+        return;
+    };
     let server = TestServer::start(&["--database-url", &database.url()]);
     fill(&server).await;
-    let release = fixtures().join(env!("CARGO_PKG_VERSION"));
     std::fs::write(release.join("postgres.sql"), database.dump()).expect("is written");
+    let other = Database::fresh().expect("there was one before");
+    dump_is_served_and_sound(&release, &other).await;
+}
+
+/// A backup of what [`fill`] makes, in a folder that nobody holds.
+async fn write_folder(to: &Path) {
+    let server = TestServer::start(&[]);
+    fill(&server).await;
+    let _ = std::fs::remove_dir_all(to); // of an earlier attempt at this release
+    let [data, folder] = [server.folder(), to].map(|path| path.to_str().expect("a readable path").to_owned());
+    let copied = mapweld(&["backup", "--data", &data, "--to", &folder]);
+    assert_eq!(copied.status.code(), Some(0), "{copied:?}");
+    std::fs::remove_file(to.join("mapweld.lock")).expect("it was left by the backup");
 }
