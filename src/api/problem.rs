@@ -173,6 +173,8 @@ problem_codes! {
     SessionExists = 409, "The session exists with other settings";
     /// A request with this `Idempotency-Key` is being answered right now; `Retry-After` says when to ask again.
     IdempotencyKeyInUse = 409, "A request with this Idempotency-Key is under way";
+    /// What the first request with this Idempotency-Key made has been deleted since.
+    Gone = 410, "What the request has made is gone";
     /// The body has more bytes than the server takes.
     BodyTooLarge = 413, "The body is too large";
     /// The map has more cells than the server takes.

@@ -22,11 +22,11 @@ use super::auth::{Caller, Route};
 use super::error::{ApiError, ApiResult};
 use super::extract::{ReadUpload, UploadBody, media_type, read_json, read_parts};
 use super::state::AppState;
-use crate::api::{FieldError, ProblemCode};
+use crate::api::{FieldError, Job, ProblemCode};
 use crate::failpoint::{self, Point};
 use crate::meters;
 use crate::model::{CallName, Digest};
-use crate::store::{Attempt, Begun, Call, CallEnd, KeptAnswer, KeptHeader};
+use crate::store::{Attempt, Begun, Call, CallEnd, KeptAnswer, KeptHeader, StoreError};
 
 /// The header that names a change.
 pub(super) const IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
@@ -124,7 +124,10 @@ async fn named_call(state: AppState, name: CallName, request: Request, next: Nex
     });
     let attempt = match begun {
         Begun::Now(attempt) => attempt,
-        Begun::Answered(kept) => return replayed(kept),
+        Begun::Answered(kept) => {
+            is_there(&state, &call.name, &place_of(&kept)?).await?;
+            return replayed(kept);
+        }
         Begun::UnderWay => return Err(under_way(&call.name)),
         Begun::OtherRequest => return Err(other_request(&call.name)),
     };
@@ -223,6 +226,39 @@ async fn finish(state: &AppState, attempt: &Attempt, answer: Response) -> ApiRes
     Ok(Response::from_parts(parts, Body::from(body)))
 }
 
+/// Where that stands of which a kept answer tells: what the request made, or the job that it cancelled.
+fn place_of(kept: &KeptAnswer) -> ApiResult<String> {
+    if let Some(KeptHeader(_, location)) = kept.headers.iter().find(|header| header.0 == header::LOCATION.as_str()) {
+        return Ok(location.clone());
+    }
+    let job: Job = serde_json::from_str(&kept.body).map_err(ApiError::internal)?;
+    Ok(format!("/v1/jobs/{}", job.id))
+}
+
+/// An answer is not given again once what it tells of has been deleted: nobody is to look for it.
+///
+/// # Errors
+/// [`ProblemCode::Gone`].
+async fn is_there(state: &AppState, name: &CallName, place: &str) -> ApiResult<()> {
+    let mut words = place.trim_start_matches('/').split('/').skip(1);
+    let mut word = || words.next().unwrap_or_default();
+    let store = &state.store;
+    let found = match (word(), word(), word(), word()) {
+        ("jobs", job, "", "") => store.get_job(job.parse()?).await.map(drop),
+        ("sessions", session, "", "") => store.get_session(&session.parse()?).await.map(drop),
+        ("sessions", session, "maps", map) => store.get_map(&session.parse()?, map.parse()?).await.map(drop),
+        ("sessions", session, "constraints", constraint) => store
+            .get_constraint(&session.parse()?, constraint.parse()?)
+            .await
+            .map(drop),
+        _ => return Err(ApiError::internal(format!("a kept answer tells of {place:?}"))),
+    };
+    match found {
+        Err(StoreError::NotFound(_)) => Err(gone(name, place)),
+        found => Ok(found?),
+    }
+}
+
 fn replayed(kept: KeptAnswer) -> ApiResult<Response> {
     let mut answer = Response::new(Body::from(kept.body));
     *answer.status_mut() = StatusCode::from_u16(kept.status).map_err(ApiError::internal)?;
@@ -247,6 +283,18 @@ fn under_way(name: &CallName) -> ApiError {
         IDEMPOTENCY_KEY.as_str(),
         name.as_str(),
         "one at a time",
+    ))
+}
+
+fn gone(name: &CallName, place: &str) -> ApiError {
+    ApiError::new(
+        ProblemCode::Gone,
+        format!("{place}, of which the answer to idempotency-key {name} tells, has been deleted since"),
+    )
+    .field(FieldError::new(
+        IDEMPOTENCY_KEY.as_str(),
+        name.as_str(),
+        "a new key for a new request",
     ))
 }
 

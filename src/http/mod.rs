@@ -50,6 +50,8 @@ use utoipa_axum::routes;
 pub use listen::{Door, listen};
 pub use state::{AppState, Rooms};
 pub use tls::{BadCertificate, acceptor};
+#[cfg(fuzzing)]
+pub use upload::fuzzed_upload;
 
 use suffix::add_suffixed;
 

@@ -144,8 +144,8 @@ fn name_taken(operation: &mut Operation) {
         .parameter_in(ParameterIn::Header)
         .description(Some(
             "A name of the caller's for this change, such as a UUID. The same request under the same name is answered \
-             with the first answer again, and changes nothing again; another request under it is refused. Names are \
-             each key's own and hold for a day, unless the server says otherwise.",
+             with the first answer again, and changes nothing again, unless what it made has been deleted since; \
+             another request under it is refused. Names are each key's own and hold for a day, unless the server says otherwise.",
         ))
         .schema(Some(name))
         .build();
@@ -163,6 +163,7 @@ fn name_taken(operation: &mut Operation) {
     let codes = [
         ProblemCode::BadRequest,
         ProblemCode::IdempotencyKeyInUse,
+        ProblemCode::Gone,
         ProblemCode::IdempotencyKeyReused,
     ];
     add_refusals(operation, &codes);

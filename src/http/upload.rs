@@ -212,6 +212,18 @@ fn files(parts: Vec<Part>) -> ApiResult<Source> {
     })
 }
 
+/// Reads an upload as a push does; only for the targets under `fuzz/`.
+///
+/// # Errors
+/// The refusal, in words.
+#[cfg(fuzzing)]
+pub async fn fuzzed_upload(content_type: &str, query: &str, body: Bytes, limits: &Limits) -> Result<Decoded, String> {
+    let query = super::extract::parse_query(query).map_err(|error| error.to_string())?;
+    let upload = Upload::read(content_type, query, body).await;
+    let uploaded = upload.and_then(|upload| upload.decode(limits));
+    uploaded.map(|map| map.decoded).map_err(|error| error.to_string())
+}
+
 /// A part that is not expected.
 pub(super) fn odd_part(name: &str, limit: &str) -> ApiError {
     ApiError::new(

@@ -83,6 +83,59 @@ async fn every_change_that_is_named_is_answered_again_and_not_made_again() {
 }
 
 #[tokio::test]
+async fn an_answer_that_tells_of_what_was_deleted_since_is_not_given_again() {
+    let server = TestServer::start(&["--workers", "0"]);
+    let post = |path: &str, name: &'static str, body: Value| {
+        let request = server.post(path).header("idempotency-key", name);
+        request.json(&body)
+    };
+    let delete = async |path: &str| {
+        assert_eq!(
+            answer(server.request("DELETE", path)).await.status(),
+            StatusCode::NO_CONTENT
+        )
+    };
+    let gone = async |request: RequestBuilder| {
+        let refused = problem(request).await;
+        let told = (refused.code, refused.status, refused.errors[0].field.as_str());
+        assert_eq!(told, (ProblemCode::Gone, 410, "idempotency-key"), "{refused:?}");
+    };
+    let make = || post("/v1/sessions", "make", json!({ "auto_merge": false }));
+    let session = twice(make).await;
+    let path = format!("/v1/sessions/{}", session["id"].as_str().expect("an id"));
+
+    let constraints = format!("{path}/constraints");
+    let rule = || {
+        let rule = json!({ "rule": { "apart": { "robots": ["r1", "r2"] } } });
+        post(&constraints, "rule", rule)
+    };
+    let constraint = twice(rule).await;
+    delete(&format!("{constraints}/{}", constraint["id"].as_str().expect("an id"))).await;
+    gone(rule()).await;
+
+    let scrap = Files::of("m", &scrap(1));
+    let maps = format!("{path}/robots/r1/maps");
+    let push = || {
+        let request = server.post(&maps).header("idempotency-key", "push");
+        request.multipart(scrap.form())
+    };
+    twice(push).await;
+    let merge = || post(&format!("{path}/merges"), "merge", json!({}));
+    let cancel = format!("/v1/jobs/{}:cancel", twice(merge).await["id"].as_str().expect("an id"));
+    let cancel = || post(&cancel, "cancel", json!({}));
+    twice(cancel).await;
+
+    delete(&path).await;
+    for request in [make(), push(), merge(), cancel()] {
+        gone(request).await;
+    }
+    let sessions: Page<Session> = server.read("/v1/sessions").await;
+    assert!(sessions.items.is_empty(), "nothing is made again");
+    let other = twice(|| post("/v1/sessions", "make-another", json!({}))).await;
+    assert_ne!(other["id"], session["id"]);
+}
+
+#[tokio::test]
 async fn a_name_that_stands_for_another_request_or_is_none_is_refused() {
     let server = TestServer::start(&["--workers", "0"]);
     let make = |name: &'static str, title: &str| {
