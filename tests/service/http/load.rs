@@ -14,6 +14,7 @@ use tokio::task::JoinSet;
 
 use super::rooms::{Files, scrap, three_robots};
 use super::server::{PATIENCE, TestServer, problem};
+use crate::survival::full_form;
 
 /// A connection on which this was sent.
 async fn sent(server: &TestServer, text: &str) -> TcpStream {
@@ -186,8 +187,10 @@ async fn livez_answers_within_50_ms_while_all_workers_merge() {
     assert!(measured >= 50, "only {measured} probes while both workers merged");
     let (idle, busy) = (percentile(idle, 0.99), percentile(busy, 0.99));
     eprintln!("/livez p99: {idle:?} at rest, {busy:?} while all workers merge ({measured} probes)");
-    // what the machine takes at rest, it takes for others' work
-    assert!(busy < Duration::from_millis(50) + idle, "{busy:?}, at rest {idle:?}");
+    // Beside other tests, what the machine takes at rest it takes for others' work; `tests/load.sh` has it for itself.
+    let alone = full_form("MAPWELD_UPLOADS", 0) > 0;
+    let others = if alone { Duration::ZERO } else { idle };
+    assert!(busy < Duration::from_millis(50) + others, "{busy:?}, at rest {idle:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -8,7 +8,7 @@ use super::num::{clamped_index, narrow, real, real64, round64};
 use super::params::HoughParameters;
 use super::placement::Moments;
 use super::simd::{LANES, widest};
-use super::spectrum::{Spectrum, spectrum};
+use super::spectrum::Spectrum;
 use super::walls::{Wall, walls};
 use crate::geometry::{Angle, Pose2};
 use crate::grid::OccupancyGrid;
@@ -63,7 +63,7 @@ impl Features {
             || {
                 let walls = walls(&cropped, middle);
                 let samples = samples(&cropped, &walls[1..], block);
-                let spectrum = spectrum(&samples, sample_m.max(narrow(SAMPLE_M)));
+                let spectrum = Spectrum::new(&samples, sample_m.max(narrow(SAMPLE_M)));
                 (walls, samples, spectrum)
             },
             || {

@@ -4,13 +4,18 @@
 //! turns theta by psi.
 //! Method: (1) H(theta, rho) counts wall samples, split linearly between two bins of rho (paper section 4.1);
 //! (2) s(theta)^2 = sum over rho of max(0, H - mean of H over 9 bins)^2.
-//! Shapes and units: 180 directions, 1 degree apart; rho bins of 0.1 m or one sample's length, if longer. Votes are whole
+//! Shapes and units: 180 directions, 1 degree apart, or a power of two times as many; rho bins of 0.1 m or one sample's length, if longer. Votes are whole
 //! numbers of 2^-12, the two parts of a vote side by side in 64 bits: one addition casts it, and sums are exact.
+//! Great maps: what lies far apart shares no line but by chance, and a degree is metres at their rim. A map that reaches
+//! further than 150 m from its middle is cut into squares of 100 m, of which each has lines of its own, (2) is summed over
+//! them, and the directions are as many times finer as the map reaches further.
 //! Cost: a vectorised product and one addition in the first cache for each sample and direction.
 //! Differences from the paper: it takes the maximum of each column (right at rank 1 in .754, and at rank 4 in .982 of 272
 //! pairs, where the sum of squares has .772 and 1.000); the high pass removes what clutter and the map's outline add to all
 //! directions alike. The root keeps the longest corridors from deciding alone: two maps may share a wing that is the
 //! longest of neither. Of 386 pairs the true rotation is among the candidates in 384, in 379 without the root.
+
+use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
@@ -20,36 +25,96 @@ use super::walls::Wall;
 
 /// Directions of the spectrum: one a degree, since a line has no front.
 pub(super) const DIRECTIONS: usize = 180;
-/// More samples add nothing to the spectrum.
+/// More samples, of one square, add nothing to the spectrum.
 const SAMPLES_MAX: usize = 10_000;
+/// A map that reaches no further from its middle has one spectrum of whole degrees, metres: half a degree is a metre
+/// there, which the refinement makes good.
+const REACH_M: f32 = 150.0;
+/// Side of the squares of a greater one, metres.
+const SQUARE_M: f32 = 100.0;
+/// The most directions of a degree.
+const FINEST: usize = 32;
 const HALF_WINDOW: usize = 4;
 /// A whole vote: 9 bins of 10,000 votes stay below 2^31.
 const VOTE: u32 = 1 << VOTE_BITS;
 const VOTE_BITS: u32 = 12;
 
-/// Straight wall by direction, its mean removed.
-pub(super) type Spectrum = Vec<f32>;
+/// Straight wall by direction.
+#[derive(Debug)]
+pub(super) struct Spectrum {
+    /// Directions of each degree, a power of two.
+    per_degree: usize,
+    /// Its mean removed.
+    values: Vec<f32>,
+}
 
-/// The spectrum of samples in the local frame; `bin` metres of rho.
-pub(super) fn spectrum(samples: &[Wall], bin: f32) -> Spectrum {
-    let points = Points::new(samples, bin);
-    let mut values: Vec<f32> = (0..DIRECTIONS)
-        .into_par_iter()
-        .with_min_len(45)
-        .map_init(
-            || (vec![0_u64; points.bins], vec![0_u32; points.bins + 1]),
-            |(votes, sums), direction| {
-                votes.fill(0);
-                vote(&points, real(direction).to_radians().sin_cos(), votes);
-                energy(votes, sums).sqrt()
-            },
-        )
-        .collect();
-    let mean = values.iter().sum::<f32>() / real(DIRECTIONS);
-    for value in &mut values {
-        *value -= mean;
+impl Spectrum {
+    /// The spectrum of samples in the local frame; `bin` metres of rho.
+    pub(super) fn new(samples: &[Wall], bin: f32) -> Self {
+        let reach = samples.iter().map(|wall| wall.x.hypot(wall.y)).fold(0.0, f32::max);
+        let per_degree = index((reach / REACH_M).ceil()).clamp(1, FINEST).next_power_of_two();
+        let squares: Vec<Points> = if per_degree == 1 {
+            vec![Points::new(samples, bin)]
+        } else {
+            squares(samples).iter().map(|square| Points::new(square, bin)).collect()
+        };
+        let bins = squares.iter().map(|points| points.bins).max().unwrap_or_default();
+        let mut values: Vec<f32> = (0..DIRECTIONS * per_degree)
+            .into_par_iter()
+            .with_min_len(45)
+            .map_init(
+                || (vec![0_u64; bins], vec![0_u32; bins + 1]),
+                |(votes, sums), direction| {
+                    let sin_cos = (real(direction) / real(per_degree)).to_radians().sin_cos();
+                    let energy_of = |points: &Points| {
+                        let votes = &mut votes[..points.bins];
+                        votes.fill(0);
+                        vote(points, sin_cos, votes);
+                        energy(votes, &mut sums[..=points.bins])
+                    };
+                    squares.iter().map(energy_of).sum::<f32>().sqrt()
+                },
+            )
+            .collect();
+        let mean = values.iter().sum::<f32>() / real(values.len());
+        for value in &mut values {
+            *value -= mean;
+        }
+        Self { per_degree, values }
     }
-    values
+
+    /// Directions of each degree that two spectra have both.
+    pub(super) fn common(&self, other: &Self) -> usize {
+        self.per_degree.min(other.per_degree)
+    }
+
+    /// So many directions of each degree, at most as many as there are; a power of two.
+    pub(super) fn thinned(&self, per_degree: usize) -> Vec<f32> {
+        self.values
+            .iter()
+            .copied()
+            .step_by(self.per_degree / per_degree)
+            .collect()
+    }
+}
+
+/// The samples of each square, seen from its middle.
+fn squares(samples: &[Wall]) -> Vec<Vec<Wall>> {
+    let mut squares: BTreeMap<[i32; 2], Vec<Wall>> = BTreeMap::new();
+    for wall in samples {
+        let [column, row] = [wall.x, wall.y].map(|at| (at / SQUARE_M).floor());
+        let wall = Wall {
+            x: wall.x - (column + 0.5) * SQUARE_M,
+            y: wall.y - (row + 0.5) * SQUARE_M,
+            ..*wall
+        };
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "a map has at most 2^32 cells a side of at most 100 m"
+        )]
+        squares.entry([column as i32, row as i32]).or_default().push(wall);
+    }
+    squares.into_values().collect()
 }
 
 /// Samples in bins.
@@ -175,7 +240,7 @@ mod tests {
         fn the_spectrum_equals_its_definition(points in proptest::collection::vec((-20.0_f32..20.0, -20.0_f32..20.0), 1..200)) {
             let wall = |(x, y)| Wall { x, y, nx: 0.0, ny: 1.0, linearity: 1.0, strength: 0.0 };
             let samples: Vec<Wall> = points.into_iter().map(wall).collect();
-            let (fast, slow) = (spectrum(&samples, 0.1), direct(&samples, 0.1));
+            let (fast, slow) = (Spectrum::new(&samples, 0.1).values, direct(&samples, 0.1));
             let top = slow.iter().fold(1.0_f32, |top, value| top.max(value.abs()));
             for (fast, slow) in fast.iter().zip(&slow) {
                 prop_assert!((fast - slow).abs() < 0.01 * top, "{fast} {slow}");
