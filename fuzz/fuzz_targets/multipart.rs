@@ -17,7 +17,8 @@ fuzz_target!(|bytes: &[u8]| {
     };
     let (content_type, query) = head.split_once('?').unwrap_or((head, ""));
     let runtime = Builder::new_current_thread().build().expect("a runtime of one thread");
-    let uploaded = fuzzed_upload(content_type, query, Bytes::copy_from_slice(body), &limits());
+    let (body, limits) = (Bytes::copy_from_slice(body), limits());
+    let uploaded = fuzzed_upload(content_type, query, body, &limits);
     if let Ok(decoded) = runtime.block_on(uploaded) {
         must_be_kept(&decoded);
     }

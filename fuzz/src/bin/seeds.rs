@@ -1,84 +1,15 @@
-//! Writes a small corpus for each target into the folder that is its argument: maps as mapweld writes them, and the
-//! forms that they come in.
+//! Writes a small corpus for each target into the folder that is its argument.
 
 use std::error::Error;
 use std::fs;
 use std::path::Path;
 
-use mapweld::codec::{encode_cells, encode_occupancy_grid, encode_pgm, encode_png, encode_yaml};
-use mapweld::geometry::{Angle, Pose2};
-use mapweld::grid::{Lattice, LogOdds, OccupancyGrid};
-
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args().nth(1).ok_or("seeds FOLDER: the folder is missing")?;
-    let folder = Path::new(&folder);
-    let write = |target: &str, name: &str, bytes: &[u8]| -> Result<(), Box<dyn Error>> {
-        let to = folder.join(target);
+    for (target, name, bytes) in mapweld_fuzz::seeds() {
+        let to = Path::new(&folder).join(target);
         fs::create_dir_all(&to)?;
-        Ok(fs::write(to.join(name), bytes)?)
-    };
-    for side in [1, 5, 40] {
-        let grid = map(side)?;
-        let yaml = encode_yaml(grid.lattice(), "m.png");
-        let (png, pgm) = (encode_png(&grid), encode_pgm(&grid));
-        let message = encode_occupancy_grid(&grid, "map");
-        write("yaml", &format!("{side}.yaml"), yaml.as_bytes())?;
-        write(
-            "yaml",
-            "anchors.yaml",
-            b"a: &a 0\nimage: m.png\nresolution: 0.05\norigin: [*a, *a, *a]\nnegate: yes\n",
-        )?;
-        for (pick, picture) in [(0, &png), (1, &encode_cells(&grid)), (0x82, &png)] {
-            write("png", &format!("{side}-{pick}.png"), &[&[pick], &picture[..]].concat())?;
-        }
-        write("pgm", &format!("{side}.pgm"), &[b"\0", &pgm[..]].concat())?;
-        write("pgm", "plain.pgm", b"\x01P2 # plain\n3 2\n7\n0 1 2 3 4 7\n")?;
-        write("pgm", "wide.pgm", b"\x02P5 2 1 65535\n\0\x01\x02\x03")?;
-        write("occupancy_grid", &format!("{side}.json"), &message)?;
-        write("occupancy_grid", "base64.json", BASE64)?;
-        let placed = "?resolution=0.05&origin=1,2,0.5";
-        write(
-            "multipart",
-            &format!("{side}-png"),
-            &[format!("image/png{placed}\n").as_bytes(), &png].concat(),
-        )?;
-        write(
-            "multipart",
-            &format!("{side}-json"),
-            &[b"application/json\n", &message[..]].concat(),
-        )?;
-        write("multipart", &format!("{side}-form"), &form(&yaml, &pgm))?;
+        fs::write(to.join(name), bytes)?;
     }
     Ok(())
-}
-
-const BASE64: &[u8] =
-    br#"{"info": {"resolution": 0.1, "width": 3, "height": 1, "origin": {"position": {"x": 0, "y": 0},
-    "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}}, "data": "AGT/"}"#;
-
-/// A square map with a wall, of which nobody has seen the rest.
-fn map(side: u32) -> Result<OccupancyGrid, Box<dyn Error>> {
-    let lattice = Lattice::new(side, side, 0.05, Pose2::new(-1.0, 2.5, Angle::from_degrees(30.0)))?;
-    let mut grid = OccupancyGrid::unknown(lattice);
-    for (index, cell) in grid.cells_mut().iter_mut().enumerate() {
-        match index % 7 {
-            0 => *cell = LogOdds::OCCUPIED,
-            1..4 => *cell = LogOdds::FREE,
-            _ => {}
-        }
-    }
-    Ok(grid)
-}
-
-fn form(yaml: &str, image: &[u8]) -> Vec<u8> {
-    let head = "multipart/form-data; boundary=x?frame_id=r1\n--x\r\nContent-Disposition: form-data; name=\"map\"; filename=\"m.yaml\"\r\n\r\n";
-    let between = "\r\n--x\r\nContent-Disposition: form-data; name=\"image\"; filename=\"m.png\"\r\nContent-Type: image/png\r\n\r\n";
-    [
-        head.as_bytes(),
-        yaml.as_bytes(),
-        between.as_bytes(),
-        image,
-        b"\r\n--x--\r\n",
-    ]
-    .concat()
 }

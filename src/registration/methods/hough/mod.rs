@@ -15,7 +15,8 @@
 //!
 //! **Cost.** Processor time of one thread on a busy machine, median over 98 pairs of maps of about 500 x 800 cells: features
 //! 3.1 ms a map; rotation 0.03, translation 4.6, coarse refinement 2.0, fine 1.1, polish 0.4, the answer 0.3; 9 ms together.
-//! `benches/registration.rs` tells it by stage and by size. How far each is from its floor:
+//! `benches/registration.rs` tells it by stage and by size; maps of 4000 x 4000 cells, full of walls: features 175 ms a map,
+//! search 102 ms, on two threads 77 and 55. How far each is from its floor:
 //!
 //! * Features: the floor is memory, 2 bytes a cell read and 5 written, 0.3 ms at 10 GB/s, which the passes over all cells
 //!   keep to; the rest follows the wall: windows and labels 0.6 ms, the spectrum 0.6 (180 directions, each one addition in
