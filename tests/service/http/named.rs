@@ -90,10 +90,8 @@ async fn an_answer_that_tells_of_what_was_deleted_since_is_not_given_again() {
         request.json(&body)
     };
     let delete = async |path: &str| {
-        assert_eq!(
-            answer(server.request("DELETE", path)).await.status(),
-            StatusCode::NO_CONTENT
-        )
+        let answer = answer(server.request("DELETE", path)).await;
+        assert_eq!(answer.status(), StatusCode::NO_CONTENT);
     };
     let gone = async |request: RequestBuilder| {
         let refused = problem(request).await;
