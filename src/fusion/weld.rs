@@ -42,5 +42,8 @@ pub fn weld(inputs: &[WeldInput], options: &WeldOptions, control: &dyn Control) 
 }
 
 #[cfg(test)]
+#[path = "prior_tests.rs"]
+mod prior_tests;
+#[cfg(test)]
 #[path = "weld_tests.rs"]
 mod tests;

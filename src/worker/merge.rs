@@ -1,6 +1,5 @@
 //! One merge, told as a story: the newest maps are loaded, welded into one, drawn and kept.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,17 +8,16 @@ use bytes::Bytes;
 use futures_util::future::try_join_all;
 
 use super::memory::{Memory, Remembering};
-use super::steering::Steered;
+use super::order::Order;
 use super::work::{Done, Failure, Progress, Work};
 use crate::api::{MergeResult, Welded};
 use crate::codec::{OverlayLayer, decode_cells, encode_cells, encode_png, overlay};
 use crate::compute::{Compute, RunControl};
 use crate::failpoint::{self, Point};
 use crate::fusion::{Conflicts, FuseError, Weld, WeldError, WeldInput, WeldOptions, weld};
-use crate::geometry::Pose2;
 use crate::model::{
-    Constraint, ConstraintId, Digest, Job, JobError, JobKind, MapRecord, MergeRequest, MethodSpec, ResultText, RobotId,
-    Session, StageSeconds, VersionInput, VersionNumber, VersionSelector,
+    Constraint, ConstraintId, Digest, Job, JobError, JobKind, MapRecord, MergeRequest, ResultText, Session,
+    StageSeconds, VersionInput, VersionNumber, VersionSelector,
 };
 use crate::registration::{Control, Method, Stop};
 use crate::store::{Blobs, NewVersion, Page, Store, StoreError, keep_blob};
@@ -176,81 +174,6 @@ fn input_of(record: &MapRecord) -> VersionInput {
     }
 }
 
-/// What is to be merged, and how.
-#[derive(Debug)]
-struct Order {
-    /// One a robot, by robot.
-    maps: Vec<MapRecord>,
-    /// Index of the anchor among them.
-    anchor: usize,
-    method: MethodSpec,
-    resolution: Option<f64>,
-    /// What operators say about them.
-    steered: Steered,
-}
-
-impl Order {
-    fn new(session: &Session, newest: Vec<MapRecord>, request: &MergeRequest) -> Result<Self, Failure> {
-        let settings = &session.settings;
-        let Some(anchor) = request.anchor.as_ref().or(settings.anchor.as_ref()) else {
-            return Err(Failure::for_good(
-                "no_maps",
-                format!("session {} has no map yet", session.id),
-            ));
-        };
-        let has_map = |robot: &RobotId| newest.iter().any(|map| map.robot == *robot);
-        if !has_map(anchor) {
-            let message = format!(
-                "the anchor, robot {anchor}, has no map yet; the session's frame is the frame of its map: push one, or \
-                 make another robot the anchor"
-            );
-            return Err(Failure::for_good("anchor_has_no_map", message));
-        }
-        if let Some(robots) = &request.robots {
-            if let Some(unknown) = robots.iter().find(|robot| !has_map(robot)) {
-                return Err(Failure::for_good(
-                    "robot_has_no_map",
-                    format!("robot {unknown} has no map yet"),
-                ));
-            }
-            if !robots.contains(anchor) {
-                let message = format!("robots leaves out the anchor, robot {anchor}; the result is told in its frame");
-                return Err(Failure::for_good("anchor_left_out", message));
-            }
-        }
-        let wanted = |map: &MapRecord| request.robots.as_ref().is_none_or(|robots| robots.contains(&map.robot));
-        let maps: Vec<MapRecord> = newest.into_iter().filter(wanted).collect();
-        let anchor = maps.iter().position(|map| map.robot == *anchor);
-        Ok(Self {
-            anchor: anchor.expect("invariant: the anchor has a map and is wanted"),
-            maps,
-            method: request.method.as_ref().unwrap_or(&settings.method).clone(),
-            resolution: settings.resolution.map(f64::from),
-            steered: Steered::default(),
-        })
-    }
-
-    /// Takes in what operators say. `earlier` is where the version before placed maps, in the frame of this anchor.
-    fn steer(
-        &mut self,
-        job: &Job,
-        standing: Vec<Constraint>,
-        earlier: &BTreeMap<RobotId, Pose2>,
-    ) -> Result<(), Failure> {
-        let robots = self.robots();
-        self.steered = Steered::new(job, standing, &robots[self.anchor], &robots, earlier)?;
-        Ok(())
-    }
-
-    fn anchor(&self) -> &RobotId {
-        &self.maps[self.anchor].robot
-    }
-
-    fn robots(&self) -> Vec<RobotId> {
-        self.maps.iter().map(|map| map.robot.clone()).collect()
-    }
-}
-
 /// The part of a merge that computes.
 struct Merge {
     memory: Memory,
@@ -400,6 +323,9 @@ impl<'a> Times<'a> {
     }
 }
 
+#[cfg(test)]
+#[path = "merge_bench.rs"]
+mod bench;
 #[cfg(test)]
 #[path = "merge_tests.rs"]
 mod tests;

@@ -11,6 +11,7 @@ mod lease;
 mod measured;
 mod memory;
 mod merge;
+mod order;
 mod steering;
 mod sweep;
 mod work;
