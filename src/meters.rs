@@ -111,7 +111,11 @@ const AT_ZERO: &[(&str, &str, &[&str])] = &[
             "key_rate",
         ],
     ),
-    (NAMED, "outcome", &["begun", "replayed", "under_way", "other_request"]),
+    (
+        NAMED,
+        "outcome",
+        &["begun", "replayed", "gone", "under_way", "other_request"],
+    ),
     (UPLOADS, "outcome", &["created", "known"]),
     (
         ATTEMPTS,

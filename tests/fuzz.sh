@@ -3,8 +3,8 @@
 #   tests/fuzz.sh                 10 seconds a target, built in a hurry
 #   tests/fuzz.sh 600             600 seconds a target: the full proof; from a minute on, with the address sanitizer, but
 #                                 for whole uploads: the server behind them takes half an hour to build with it
-# Among the other tests runs tests/readers.rs: the same readers, mutations without guidance.
 #   tests/fuzz.sh 600 png pgm     only these targets
+# Among all tests runs tests/readers.rs: the same readers, mutations without guidance.
 # Prints one line a target: runs, seconds, crashes. Exit code 1 when there was a crash; what causes it stays in
 # fuzz/artifacts/TARGET. Works on a stable toolchain: RUSTC_BOOTSTRAP lets it take the flags of the instrumentation.
 set -euo pipefail

@@ -7,4 +7,4 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 tests/packages.sh
-cargo test --locked --no-fail-fast -- "$@"
+cargo test --locked --all-features --no-fail-fast -- "$@"

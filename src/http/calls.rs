@@ -116,20 +116,20 @@ async fn named_call(state: AppState, name: CallName, request: Request, next: Nex
         expires_at: after(state.limits.keep_answers),
     };
     let begun = state.store.begin_call(&call, now).await?;
-    meters::named(match begun {
-        Begun::Now(_) => "begun",
-        Begun::Answered(_) => "replayed",
-        Begun::UnderWay => "under_way",
-        Begun::OtherRequest => "other_request",
-    });
     let attempt = match begun {
-        Begun::Now(attempt) => attempt,
-        Begun::Answered(kept) => {
-            is_there(&state, &call.name, &place_of(&kept)?).await?;
-            return replayed(kept);
+        Begun::Now(attempt) => {
+            meters::named("begun");
+            attempt
         }
-        Begun::UnderWay => return Err(under_way(&call.name)),
-        Begun::OtherRequest => return Err(other_request(&call.name)),
+        Begun::Answered(kept) => return again(&state, &call.name, kept).await,
+        Begun::UnderWay => {
+            meters::named("under_way");
+            return Err(under_way(&call.name));
+        }
+        Begun::OtherRequest => {
+            meters::named("other_request");
+            return Err(other_request(&call.name));
+        }
     };
     request.extensions_mut().insert(Makes(attempt.makes));
     // In a task of its own: the answer is kept, also for a caller who hangs up now and comes again.
@@ -235,11 +235,23 @@ fn place_of(kept: &KeptAnswer) -> ApiResult<String> {
     Ok(format!("/v1/jobs/{}", job.id))
 }
 
-/// An answer is not given again once what it tells of has been deleted: nobody is to look for it.
+/// The answer as it was given first, unless what it tells of has been deleted since: nobody is to look for it.
 ///
 /// # Errors
 /// [`ProblemCode::Gone`].
-async fn is_there(state: &AppState, name: &CallName, place: &str) -> ApiResult<()> {
+async fn again(state: &AppState, name: &CallName, kept: KeptAnswer) -> ApiResult<Response> {
+    let place = place_of(&kept)?;
+    if is_there(state, &place).await? {
+        meters::named("replayed");
+        replayed(kept)
+    } else {
+        meters::named("gone");
+        Err(gone(name, &place))
+    }
+}
+
+/// Whether there is a resource at this path.
+async fn is_there(state: &AppState, place: &str) -> ApiResult<bool> {
     let mut words = place.trim_start_matches('/').split('/').skip(1);
     let mut word = || words.next().unwrap_or_default();
     let store = &state.store;
@@ -254,8 +266,9 @@ async fn is_there(state: &AppState, name: &CallName, place: &str) -> ApiResult<(
         _ => return Err(ApiError::internal(format!("a kept answer tells of {place:?}"))),
     };
     match found {
-        Err(StoreError::NotFound(_)) => Err(gone(name, place)),
-        found => Ok(found?),
+        Ok(()) => Ok(true),
+        Err(StoreError::NotFound(_)) => Ok(false),
+        Err(error) => Err(error.into()),
     }
 }
 

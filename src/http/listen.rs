@@ -46,7 +46,7 @@ const LINGER: Duration = Duration::from_millis(500);
 /// After an accept that failed for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// Serves connections until [`LINGER`] after `stop`; then takes no new ones, lets the requests in flight finish for at
+/// Serves connections until `LINGER` after `stop`; then takes no new ones, lets the requests in flight finish for at
 /// most [`Door::grace`], and cuts the rest off.
 ///
 /// # Panics

@@ -27,6 +27,11 @@ async fn told(request: RequestBuilder) -> (u16, Option<String>, bool, Value) {
     (status, location, replayed, answer.json().await.expect("JSON"))
 }
 
+/// A POST under a name.
+fn named(server: &TestServer, path: &str, name: &str) -> RequestBuilder {
+    server.post(path).header("idempotency-key", name)
+}
+
 /// The same answer twice, the second time as one that was given before; gives its body.
 async fn twice(request: impl Fn() -> RequestBuilder) -> Value {
     let (status, location, replayed, body) = told(request()).await;
@@ -38,10 +43,7 @@ async fn twice(request: impl Fn() -> RequestBuilder) -> Value {
 #[tokio::test]
 async fn every_change_that_is_named_is_answered_again_and_not_made_again() {
     let server = TestServer::start(&["--workers", "0"]);
-    let post = |path: &str, name: &'static str, body: Value| {
-        let request = server.post(path).header("idempotency-key", name);
-        request.json(&body)
-    };
+    let post = |path: &str, name: &str, body: Value| named(&server, path, name).json(&body);
     let session = twice(|| post("/v1/sessions", "make", json!({ "title": "Ward", "auto_merge": false }))).await;
     let sessions: Page<Session> = server.read("/v1/sessions").await;
     assert_eq!(sessions.items.len(), 1);
@@ -85,10 +87,7 @@ async fn every_change_that_is_named_is_answered_again_and_not_made_again() {
 #[tokio::test]
 async fn an_answer_that_tells_of_what_was_deleted_since_is_not_given_again() {
     let server = TestServer::start(&["--workers", "0"]);
-    let post = |path: &str, name: &'static str, body: Value| {
-        let request = server.post(path).header("idempotency-key", name);
-        request.json(&body)
-    };
+    let post = |path: &str, name: &str, body: Value| named(&server, path, name).json(&body);
     let delete = async |path: &str| {
         let answer = answer(server.request("DELETE", path)).await;
         assert_eq!(answer.status(), StatusCode::NO_CONTENT);
@@ -114,7 +113,7 @@ async fn an_answer_that_tells_of_what_was_deleted_since_is_not_given_again() {
     let scrap = Files::of("m", &scrap(1));
     let maps = format!("{path}/robots/r1/maps");
     let push = || {
-        let request = server.post(&maps).header("idempotency-key", "push");
+        let request = named(&server, &maps, "push");
         request.multipart(scrap.form())
     };
     twice(push).await;

@@ -213,8 +213,10 @@ fn gone() -> Child {
 pub(crate) fn command(folder: &Path, options: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_mapweld"));
     command
-        .args(["serve", "--listen", "127.0.0.1:0", "--log", "info", "--data"])
+        .args(["serve", "--listen", "127.0.0.1:0", "--data"])
         .arg(folder)
+        // a variable: options may say otherwise
+        .env("MAPWELD_LOG", "info")
         .args(options)
         .stdin(Stdio::null())
         .stdout(Stdio::piped())

@@ -95,7 +95,7 @@ mod collector {
     }
 
     async fn take(mut socket: TcpStream, all: Arc<Mutex<Vec<Value>>>) {
-        let (mut request, mut buffer) = (Vec::new(), [0; 65536]);
+        let (mut request, mut buffer) = (Vec::new(), vec![0; 65536]);
         loop {
             match socket.read(&mut buffer).await {
                 Ok(0) | Err(_) => return,
