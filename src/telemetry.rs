@@ -83,6 +83,14 @@ pub fn join(span: &Span, parent: Option<TraceParent>, fresh: Uuid) -> TraceParen
     joined
 }
 
+/// Gives a span another name at the collector: a request's is known only once its route is.
+pub fn rename(span: &Span, name: impl FnOnce() -> String) {
+    #[cfg(feature = "otel")]
+    otel::rename(span, name);
+    #[cfg(not(feature = "otel"))]
+    let _ = (span, name);
+}
+
 /// Tells the span that is entered which job it has caused, in its field `job`.
 pub fn tell_job(job: &JobId) {
     Span::current().record("job", tracing::field::display(job));

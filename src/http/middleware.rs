@@ -34,7 +34,6 @@ pub(super) async fn follow(State(state): State<AppState>, mut request: Request, 
     let span = tracing::info_span!(
         "request",
         otel.kind = "server",
-        otel.name = field::Empty,
         %method,
         path,
         request_id = id,
@@ -69,7 +68,7 @@ fn trace_parent(headers: &HeaderMap) -> Option<TraceParent> {
 
 fn tell_route(span: &Span, method: &Method, response: &Response) {
     if let Some(route) = response.extensions().get::<Route>() {
-        span.record("otel.name", format!("{method} {}", route.path));
+        telemetry::rename(span, || format!("{method} {}", route.path));
     }
     span.record("status", response.status().as_u16());
 }

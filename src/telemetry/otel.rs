@@ -72,6 +72,13 @@ pub(super) fn join(span: &Span, parent: Option<TraceParent>) -> Option<TracePare
     TraceParent::new(trace, id, own.is_sampled())
 }
 
+/// Renames a span that has begun, which a field `otel.name` of it does not: with its context it was made.
+pub(super) fn rename(span: &Span, name: impl FnOnce() -> String) {
+    if PROVIDER.get().is_some() {
+        span.context().span().update_name(name());
+    }
+}
+
 /// Sends what has not been sent yet.
 pub(super) fn finish() {
     if let Some(provider) = PROVIDER.get() {
