@@ -7,8 +7,9 @@ as_root() {
 }
 
 # A C compiler for SQLite and the TLS library; an independent reader of map_server files with the compiler for it; a
-# PostgreSQL for the tests to start clusters of their own; Python for schemathesis.
-packages=(gcc libc6-dev g++ cmake pkg-config libmrpt-maps-dev postgresql python3-venv)
+# PostgreSQL for the tests to start clusters of their own; a browser that can be driven; Python for schemathesis.
+packages=(gcc libc6-dev g++ cmake pkg-config libmrpt-maps-dev postgresql chromium-driver
+  python3-venv)
 missing=()
 for package in "${packages[@]}"; do
   dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || missing+=("$package")

@@ -4,7 +4,7 @@
 // HTML: names and reasons come from outside.
 
 const at = (id) => document.getElementById(id);
-const state = { session: null, events: null, newest: 0, shown: 0, follow: true };
+const state = { session: null, events: null, newest: 0, wanted: 0, shown: 0, follow: true };
 
 async function read(path) {
   const response = await fetch(path, { headers: { accept: "application/json" } });
@@ -59,11 +59,10 @@ async function listSessions() {
 
 function choose(session) {
   if (state.events) state.events.close();
-  Object.assign(state, { session, events: null, newest: 0, shown: 0, follow: true });
+  Object.assign(state, { session, events: null, newest: 0, wanted: 0, shown: 0, follow: true });
   at("welcome").hidden = session !== null;
   at("session").hidden = session === null;
-  for (const id of ["job", "figure", "placements", "files"]) at(id).hidden = true;
-  at("waiting").hidden = false;
+  for (const id of ["waiting", "job", "figure", "placements", "files"]) at(id).hidden = true;
   at("name").textContent = session ?? "";
   at("about").textContent = "";
   steps();
@@ -81,7 +80,9 @@ function choose(session) {
   });
 }
 
+// The event of a session comes after those of its versions.
 function showSession(session) {
+  at("waiting").hidden = state.newest > 0;
   at("name").textContent = session.title || session.id;
   read(`/v1/sessions/${encodeURIComponent(session.id)}/robots`)
     .then(({ items }) => {
@@ -114,9 +115,11 @@ function steps() {
 
 async function showVersion(wanted) {
   const session = state.session;
+  state.wanted = wanted;
   const base = `/v1/sessions/${encodeURIComponent(session)}/versions/${wanted}`;
   const version = await read(base);
-  if (state.session !== session) return;
+  // answers may overtake each other
+  if (state.session !== session || state.wanted !== wanted) return;
   state.shown = wanted;
   steps();
   const { anchor, maps, fused, timings } = version.result;

@@ -3,6 +3,7 @@
 mod access;
 mod bomb_corpus;
 mod bombs;
+mod browser;
 mod command;
 mod demo_command;
 mod errors;
