@@ -15,6 +15,7 @@
 
 #![expect(clippy::many_single_char_names, reason = "the letters of the formulas")]
 
+use rayon::prelude::*;
 use rustfft::num_complex::Complex32;
 
 use super::fft::{Packed, Plan};
@@ -46,20 +47,29 @@ impl Correlator {
     /// Of D + iE and G + iH. The answers are multiplied by `scale`.
     pub(super) fn new(plan: Plan, with_occupied: &Packed, with_free: &Packed) -> Self {
         let (width, height) = (plan.width, plan.height);
-        let halves = rayon::join(|| half_spectra(&plan, with_occupied), || half_spectra(&plan, with_free));
+        let fresh = || vec![Complex32::default(); plan.scratch_len()];
+        let rows_of = |image| {
+            let mut rows = Vec::new();
+            plan.transformed_rows(image, &mut rows, &mut fresh());
+            rows
+        };
+        let (occupied, free) = rayon::join(|| rows_of(with_occupied), || rows_of(with_free));
         // The transforms back lack this factor.
         let scale = 1.0 / super::num::real(plan.len());
         let mut still = vec![Complex32::default(); 4 * height * (width / 2 + 1)];
-        let pairs = halves.0.chunks_exact(2 * height).zip(halves.1.chunks_exact(2 * height));
-        for (out, (occupied, free)) in still.chunks_exact_mut(4 * height).zip(pairs) {
-            let (with_occupied, with_free) = out.split_at_mut(2 * height);
-            for (out, value) in with_occupied.iter_mut().zip(occupied) {
-                *out = value * scale;
-            }
-            for (out, value) in with_free.iter_mut().zip(free) {
-                *out = value * scale;
-            }
-        }
+        still
+            .par_chunks_exact_mut(4 * height)
+            .enumerate()
+            .with_min_len(STRIP)
+            .for_each_init(fresh, |inner, (kx, columns)| {
+                for (rows, columns) in [&occupied, &free].into_iter().zip(columns.chunks_exact_mut(2 * height)) {
+                    unpack(rows, width, kx, columns, height);
+                    plan.forward_columns(columns, inner);
+                }
+                for value in columns {
+                    *value *= scale;
+                }
+            });
         Self { plan, still }
     }
 
@@ -96,18 +106,6 @@ impl Correlator {
             store(back, half_turn, 2 * height, strip, self.plan.width, height);
         }
     }
-}
-
-/// For each non-negative kx the transform of the real part, then of the imaginary one.
-fn half_spectra(plan: &Plan, image: &Packed) -> Vec<Complex32> {
-    let (mut rows, mut inner) = (Vec::new(), vec![Complex32::default(); plan.scratch_len()]);
-    plan.transformed_rows(image, &mut rows, &mut inner);
-    let mut spectra = vec![Complex32::default(); 2 * plan.height * (plan.width / 2 + 1)];
-    for (kx, columns) in spectra.chunks_exact_mut(2 * plan.height).enumerate() {
-        unpack(&rows, plan.width, kx, columns, plan.height);
-        plan.forward_columns(columns, &mut inner);
-    }
-    spectra
 }
 
 /// Equation (2): column kx of the real image, then of the imaginary one; zeros below the rows that there are.

@@ -173,17 +173,25 @@ impl Band {
 /// Columns and rows of the known cells' bounding box, ends excluded.
 fn known_box(map: &OccupancyGrid) -> Option<([usize; 2], [usize; 2])> {
     let width = map.lattice().width() as usize;
+    let rows = map.cells().par_chunks_exact(width).enumerate();
+    let boxes = rows.with_min_len(BAND).filter_map(|(y, row)| {
+        let (first, end) = known_ends(row)?;
+        Some(([first, end], [y, y + 1]))
+    });
+    boxes.reduce_with(|(a, c), (b, d)| ([a[0].min(b[0]), a[1].max(b[1])], [c[0].min(d[0]), c[1].max(d[1])]))
+}
+
+/// The first known column of a row of a map, and the one after the last.
+fn known_ends(row: &[LogOdds]) -> Option<(usize, usize)> {
+    const TOGETHER: usize = 32;
     let known = |cell: &LogOdds| cell.state() != CellState::Unknown;
-    let (mut x0, mut x1, mut y0, mut y1) = (width, 0, usize::MAX, 0);
-    for (y, row) in map.cells().chunks_exact(width).enumerate() {
-        let Some(first) = row.iter().position(known) else {
-            continue;
-        };
-        let last = row.iter().rposition(known).unwrap_or(first);
-        (x0, x1) = (x0.min(first), x1.max(last + 1));
-        (y0, y1) = (y0.min(y), y + 1);
-    }
-    (x1 > 0).then_some(([x0, x1], [y0, y1]))
+    // without an early end, so that many cells are compared at once
+    let any = |cells: &[LogOdds]| cells.iter().fold(false, |any, cell| any | known(cell));
+    let from = row.chunks(TOGETHER).position(any)? * TOGETHER;
+    let end = row.len() - row.rchunks(TOGETHER).position(any)? * TOGETHER;
+    let first = row[from..].iter().position(known)?;
+    let last = row[..end].iter().rposition(known)?;
+    Some((from + first, last + 1))
 }
 
 widest! {

@@ -256,13 +256,21 @@ fn count_pairs(rows: &[u8], width: usize, counts: &mut [u16]) {
 widest! {
     /// The middle one of three rows of counts, smoothed; 0 at its ends. `scale` is 255 in 24 bits over the sum of full blocks.
     fn smooth(rows: &[u16], scale: u32, share: &mut [u8]) {
+        const TOGETHER: usize = 64;
         let width = share.len();
         let (below, rest) = rows.split_at(width);
         let (here, above) = rest.split_at(width);
-        let column = |i: usize| u32::from(below[i] + 2 * here[i] + above[i]);
-        for (i, share) in share.iter_mut().enumerate().take(width - 1).skip(1) {
-            let sum = column(i - 1) + 2 * column(i) + column(i + 1);
-            *share = ((sum * scale) >> 24).to_le_bytes()[0];
+        let mut columns = [0_u16; TOGETHER + 2];
+        for (group, share) in share[1..width - 1].chunks_mut(TOGETHER).enumerate() {
+            let from = group * TOGETHER;
+            let rows = [below, here, above].map(|row| &row[from..from + share.len() + 2]);
+            for (i, column) in columns[..share.len() + 2].iter_mut().enumerate() {
+                *column = rows[0][i] + 2 * rows[1][i] + rows[2][i];
+            }
+            for (i, share) in share.iter_mut().enumerate() {
+                let sum = u32::from(columns[i] + 2 * columns[i + 1] + columns[i + 2]);
+                *share = ((sum * scale) >> 24).to_le_bytes()[0];
+            }
         }
     }
 }

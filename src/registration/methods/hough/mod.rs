@@ -138,7 +138,7 @@ impl Hough {
         stages.end("translation")?;
 
         let tolerances = Tolerances::of(fixed, moving);
-        let thinned = |most: usize| (Thinned::new(fixed, most), Thinned::new(moving, most));
+        let thinned = |most: usize| rayon::join(|| Thinned::new(fixed, most), || Thinned::new(moving, most));
         // Half of the way with half of the samples for all, the rest for those that got somewhere.
         let (first, second) = COARSE.split_at(COARSE.len() / 2);
         let (few, more) = (

@@ -6,8 +6,13 @@
 
 #![expect(clippy::many_single_char_names, reason = "the letters of the formulas")]
 
+use rayon::prelude::*;
+
 use super::features::Features;
 use super::num::{floor, index, real};
+
+/// Rows that one task works on at least.
+const TOGETHER: usize = 32;
 
 /// Row-major coarse cells, row 0 lowest. Cell (i, j) has its centre at `corner + (i + 0.5, j + 0.5) * cell`.
 #[derive(Debug)]
@@ -34,11 +39,10 @@ impl Raster {
             occupied[j.min(height - 1) * width + i.min(width - 1)] += part;
         }
         let mut free = vec![0.0_f32; width * height];
-        for (j, (free, walls)) in free
-            .chunks_exact_mut(width)
-            .zip(occupied.chunks_exact_mut(width))
-            .enumerate()
-        {
+        let rows = free
+            .par_chunks_exact_mut(width)
+            .zip(occupied.par_chunks_exact_mut(width));
+        rows.enumerate().with_min_len(TOGETHER).for_each(|(j, (free, walls))| {
             let (x, y) = (corner.0 + 0.5 * cell, corner.1 + (real(j) + 0.5) * cell);
             // back into the map's own axes
             let start = (cos * x + sin * y, cos * y - sin * x);
@@ -49,7 +53,7 @@ impl Raster {
                     *wall = wall.min(1.0);
                 }
             }
-        }
+        });
         Self {
             width,
             height,

@@ -112,8 +112,13 @@ impl Pool {
 }
 
 fn correlator(plan: Plan, still: &Raster) -> Correlator {
-    let (spread, eroded) = (still.spread(), still.eroded());
-    let free: Vec<f32> = still.free.iter().map(|free| MU * free).collect();
+    let ((spread, free), eroded) = rayon::join(
+        || {
+            let free: Vec<f32> = still.free.iter().map(|free| MU * free).collect();
+            (still.spread(), free)
+        },
+        || still.eroded(),
+    );
     let packed = |re, im| Packed {
         width: still.width,
         height: still.height,
