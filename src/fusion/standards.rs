@@ -26,6 +26,13 @@
 //!
 //! **Fails when** a place repeats itself to the last chair and only one copy was ever seen: nothing is known to be wrong
 //! then, and the copies' pairs are as clean as any.
+//!
+//! **How far to trust it.** 24 simulated sets of six robots and two strangers, in buildings of eight kinds: 105 of 144 maps
+//! placed, the worst 0.11 m off, no stranger placed. 12 fleets of six whose maps grow over six snapshots: 219 of 432 maps
+//! placed, 7 of them wrong, all in one building of equal rooms, by one pair between two robots that saw one copy each.
+//! Tried and dropped: where more pairs of a set are ambiguous than accepted, to ask .999 instead of .97 of a pair that no
+//! other way between its maps confirms. It keeps the 7 out, and 33 of the 40 maps that are placed rightly in four other
+//! fleets.
 
 use super::maps::Maps;
 use super::outcome::PairRecord;
