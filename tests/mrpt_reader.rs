@@ -61,6 +61,8 @@ fn build_reader() -> Option<PathBuf> {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/independent_reader");
     let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("independent_reader");
     let configured = Command::new("cmake")
+        // what was configured in a folder that has been moved since is of no use
+        .arg("--fresh")
         .arg("-S")
         .arg(&source)
         .arg("-B")

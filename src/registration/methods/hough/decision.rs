@@ -13,7 +13,8 @@
 //!    what holds the weaker direction. Accepted from `posterior_min` on.
 //! 3. Whatever P says, it is refused when a rival stands by itself under the strict model (two self-consistent
 //!    explanations), when too much is contradicted, when the weaker direction is not held, when another hypothesis finds
-//!    many times more wall, or when great maps agree in a small corner only: more wall, more chances. Or when V is low: the
+//!    many times more wall, or when great maps agree in a small corner only: more wall, more chances (but a small map that
+//!    lies whole in a great one has no more walls to agree). Or when V is low: the
 //!    few walls that two maps have in common may agree where their free space does not.
 //! 4. `same`: all but `same_max` of the walls of both maps are found, and no rival has half of the score. P would mistrust
 //!    such a pair, since equal rooms of one building look like that, but for a last few walls.
@@ -109,9 +110,10 @@ impl Finalist {
         extent(&self.score.mean)
     }
 
-    /// Wall samples of the map that has more.
-    fn larger_extent(&self) -> f32 {
-        extent(&self.score.moving).max(extent(&self.score.fixed))
+    /// Wall samples of the map that has more, but at most so many times those of the other.
+    fn comparable_extent(&self, times: f32) -> f32 {
+        let (a, b) = (extent(&self.score.moving), extent(&self.score.fixed));
+        a.max(b).min(times * a.min(b))
     }
 }
 
@@ -278,7 +280,8 @@ impl Field<'_> {
             strict_rival > parameters.rival_min && strict_rival > parameters.rival_share_max * me.strict;
         let against = (mean.violated_straight + 0.5 * mean.violated_clutter) / mean.soft.max(1.0);
         let outdone = self.best_rival(index, RIVAL_M, |f| f.bent) > parameters.outdone_ratio * me.bent;
-        let grown = parameters.score_per_m * (0.1 * me.larger_extent() - parameters.extent_m);
+        let grown =
+            parameters.score_per_m * (0.1 * me.comparable_extent(parameters.extent_times) - parameters.extent_m);
         let held = me.support > 10.0 * parameters.support_min_m;
         held && !two_explanations && against < parameters.against_max && !outdone && me.plain > grown
     }
@@ -309,5 +312,64 @@ impl Field<'_> {
             && share > rule.share_min
             && share < rule.share_max)
             .then_some(index)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A hypothesis under which all of a map's walls are found in another, which has so many times more of them.
+    fn within(walls_m: f32, times: f32) -> Finalist {
+        let found = 10.0 * walls_m;
+        let moving = Tally {
+            found,
+            found_straight: found,
+            soft: found,
+            scatter: [0.5 * found, 0.0, 0.5 * found],
+            ..Tally::default()
+        };
+        let fixed = Tally {
+            unknown: (times - 1.0) * found,
+            ..moving
+        };
+        let mean = Tally {
+            unknown: 0.5 * fixed.unknown,
+            ..moving
+        };
+        let score = Score {
+            moving,
+            fixed,
+            mean,
+            significance: 0.0,
+        };
+        let refined = Refined {
+            placement: Placement {
+                x: 0.0,
+                y: 0.0,
+                yaw: 0.0,
+            },
+            information: [[0.0; 3]; 3],
+            pivot: [0.0; 2],
+            variance: 0.0,
+        };
+        Finalist::new(refined, score)
+    }
+
+    #[test]
+    fn a_map_that_lies_whole_in_a_great_one_is_enough_and_a_corner_of_two_great_ones_is_not() {
+        let parameters = DecisionParameters::default();
+        let stands = |finalist: Finalist| {
+            let field = Field {
+                ranked: &[finalist],
+                moving: Moments::default(),
+            };
+            field.stands(0, &parameters)
+        };
+        assert!(stands(within(300.0, 1.0)));
+        assert!(stands(within(300.0, 40.0)));
+        let mut corner = within(300.0, 40.0);
+        corner.score.moving = corner.score.fixed;
+        assert!(!stands(corner));
     }
 }
