@@ -85,7 +85,8 @@ pub struct DecisionParameters {
     /// A map is great from so many metres of wall on. ...
     pub extent_m: f32,
     /// ... Of the greater of two maps no more counts than so many times the wall of the other, which can agree no more than
-    /// whole: of 18 simulated robots' maps in the map of eleven others 5 more are placed than without this bound. ...
+    /// whole: of 36 simulated robots' maps in the map of eleven others 33 are placed rightly with this bound and 20 without,
+    /// 2 wrongly and of 144 strangers none either way. ...
     pub extent_times: f32,
     /// ... The plain score must exceed so much for every metre beyond: more wall, more chances.
     pub score_per_m: f32,
