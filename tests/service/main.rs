@@ -8,6 +8,7 @@
 mod blobs;
 mod migrations;
 mod postgres;
+mod skipped;
 mod store_contract;
 mod store_postgres;
 mod store_sqlite;

@@ -1,10 +1,12 @@
 //! A private PostgreSQL for this run of the tests: Debian's programs, a cluster in a temporary folder, no port.
 
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
+
+use super::skipped::skipped;
 
 /// A database of its own in the cluster of this run.
 #[derive(Debug, Clone)]
@@ -20,7 +22,7 @@ impl Database {
         static CLUSTER: OnceLock<Option<Cluster>> = OnceLock::new();
         let cluster = CLUSTER.get_or_init(Cluster::start);
         let Some(cluster) = cluster else {
-            skipped();
+            skipped("every test of PostgreSQL", "postgresql");
             return None;
         };
         let name = format!("t{}", NEXT.fetch_add(1, Ordering::Relaxed));
@@ -216,15 +218,4 @@ fn programs() -> Option<PathBuf> {
 fn is_root() -> bool {
     let told = Command::new("id").arg("-u").output().expect("id runs");
     told.stdout.trim_ascii() == b"0"
-}
-
-/// Past the capture of the test harness, which hides what tests that pass have said.
-fn skipped() {
-    static TOLD: OnceLock<()> = OnceLock::new();
-    TOLD.get_or_init(|| {
-        let _ = writeln!(
-            std::io::stderr(),
-            "SKIPPED: every test of PostgreSQL: this machine lacks the package postgresql (tests/packages.sh installs it)"
-        );
-    });
 }

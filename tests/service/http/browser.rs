@@ -1,8 +1,7 @@
 //! The page in a real browser: what somebody sees who opens it and lets it stand.
 
-use std::io::{BufRead as _, BufReader, Write as _};
+use std::io::{BufRead as _, BufReader};
 use std::process::{Child, Command, Stdio};
-use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use fantoccini::{Client, ClientBuilder, Locator};
@@ -11,6 +10,7 @@ use serde_json::{Value, json};
 
 use super::rooms::{Files, scrap, three_robots};
 use super::server::{PATIENCE, TestServer};
+use crate::skipped::skipped;
 
 /// A browser without a window, by its driver; both end with it.
 struct Browser {
@@ -28,7 +28,7 @@ impl Browser {
             .stderr(Stdio::null())
             .spawn()
         else {
-            skipped();
+            skipped("every test of the page in a browser", "chromium-driver");
             return None;
         };
         let mut lines = BufReader::new(driver.stdout.take().expect("it is piped")).lines();
@@ -101,23 +101,19 @@ impl Browser {
         told["value"].as_array().expect("a list").clone()
     }
 
-    async fn end(mut self) {
+    async fn end(self) {
         assert_eq!(self.complaints().await, Vec::<Value>::new());
-        self.client.clone().close().await.expect("it closes");
-        self.driver.kill().expect("it is there to be killed");
-        self.driver.wait().expect("it ends");
     }
 }
 
-/// Past the capture of the test harness, which hides what tests that pass have said.
-fn skipped() {
-    static TOLD: OnceLock<()> = OnceLock::new();
-    TOLD.get_or_init(|| {
-        let _ = writeln!(
-            std::io::stderr(),
-            "SKIPPED: every test of the page in a browser: this machine lacks the package chromium-driver (tests/packages.sh installs it)"
-        );
-    });
+impl Drop for Browser {
+    /// The driver ends its browser when it is told to stop, after a test that failed too.
+    fn drop(&mut self) {
+        let told = Command::new("kill").arg(self.driver.id().to_string()).status();
+        if told.is_ok_and(|status| status.success()) {
+            let _ = self.driver.wait();
+        }
+    }
 }
 
 #[tokio::test]

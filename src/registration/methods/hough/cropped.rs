@@ -113,19 +113,7 @@ impl Cropped {
 
     /// The first known column of a row, and the one after the last.
     pub(super) fn known_ends(&self, row: usize) -> Option<(usize, usize)> {
-        let row = self.row(row);
-        let (words, rest) = row.as_chunks::<8>();
-        let known = |word: &[u8; 8]| *word != [UNKNOWN; 8];
-        // the words that have any, then the cells within them
-        let from = words.iter().position(known).unwrap_or(words.len()) * 8;
-        let end = if rest.iter().any(|&state| state != UNKNOWN) {
-            row.len()
-        } else {
-            8 * words.iter().rposition(known)? + 8
-        };
-        let first = row[from..].iter().position(|&state| state != UNKNOWN)?;
-        let last = row[..end].iter().rposition(|&state| state != UNKNOWN)?;
-        Some((from + first, last + 1))
+        ends(self.row(row), |&state| state != UNKNOWN)
     }
 
     /// `N` cells from an index on, at most [`Self::BEYOND`]; those beyond the last row are unknown.
@@ -175,22 +163,21 @@ fn known_box(map: &OccupancyGrid) -> Option<([usize; 2], [usize; 2])> {
     let width = map.lattice().width() as usize;
     let rows = map.cells().par_chunks_exact(width).enumerate();
     let boxes = rows.with_min_len(BAND).filter_map(|(y, row)| {
-        let (first, end) = known_ends(row)?;
+        let (first, end) = ends(row, |cell| cell.state() != CellState::Unknown)?;
         Some(([first, end], [y, y + 1]))
     });
     boxes.reduce_with(|(a, c), (b, d)| ([a[0].min(b[0]), a[1].max(b[1])], [c[0].min(d[0]), c[1].max(d[1])]))
 }
 
-/// The first known column of a row of a map, and the one after the last.
-fn known_ends(row: &[LogOdds]) -> Option<(usize, usize)> {
+/// The first known cell of a row, and the one after the last.
+fn ends<T>(row: &[T], known: impl Fn(&T) -> bool) -> Option<(usize, usize)> {
     const TOGETHER: usize = 32;
-    let known = |cell: &LogOdds| cell.state() != CellState::Unknown;
     // without an early end, so that many cells are compared at once
-    let any = |cells: &[LogOdds]| cells.iter().fold(false, |any, cell| any | known(cell));
+    let any = |cells: &[T]| cells.iter().fold(false, |any, cell| any | known(cell));
     let from = row.chunks(TOGETHER).position(any)? * TOGETHER;
     let end = row.len() - row.rchunks(TOGETHER).position(any)? * TOGETHER;
-    let first = row[from..].iter().position(known)?;
-    let last = row[..end].iter().rposition(known)?;
+    let first = row[from..].iter().position(&known)?;
+    let last = row[..end].iter().rposition(&known)?;
     Some((from + first, last + 1))
 }
 

@@ -14,15 +14,16 @@
 //! **Shapes and units.** Metres and radians. Walls are counted in samples of 0.1 m. Windows follow the cell size.
 //!
 //! **Cost.** One thread, the least of five times, median over 98 pairs of maps of about 500 x 800 cells: features 3.0 ms a
-//! map; rotation 0.03, translation 4.9, coarse refinement 1.5, fine 1.1, polish 0.5, the answer 0.4; 15 ms together. On two
-//! threads 9.6: each then works from a second cache of its own, which the first one's data must reach.
+//! map; rotation 0.03, translation 4.9, coarse refinement 1.5, fine 1.1, polish 0.5, the answer 0.4; 15 ms together, on two
+//! threads 9 to 11.
 //! `benches/registration.rs` tells it by stage and by size; maps of 4000 x 4000 cells, full of walls: features 175 ms a map,
 //! search 102 ms, on two threads 77 and 55. How far each is from its floor:
 //!
 //! * Features: the floor is memory, 2 bytes a cell read and 5 written, 0.3 ms at 10 GB/s, which the passes over all cells
 //!   keep to; the rest follows the wall: windows and labels 0.6 ms, the spectrum 0.6 (180 directions, each one addition in
 //!   the first cache for each sample).
-//! * Translation: the floor is (2 + 3 x 6) transforms of 5 N log2 N flops for N padded cells, 1.4 ms of the time. Above it
+//! * Translation: the floor is 2 + 3 R transforms of 5 N log2 N flops for N padded cells and R rotations (in the median 83,000
+//!   and 2), 1.4 ms of the time. Above it
 //!   stand the products (0.6), peaks (0.9) and transposed stores (0.4), bound by the second cache, and the rasters (0.5).
 //! * Refinement and score: the floor is two dependent gathers a sample; 64 samples' first gathers are under way at once.
 //!   Most of the time is spent waiting for them: a map's cells are larger than the second cache.
