@@ -121,6 +121,8 @@ const NONE: u32 = u32::MAX;
 /// Cells of a row that are written or left alone together.
 const BLOCK: usize = 64;
 
+/// Both neighbours beside a cell are occupied (see [`Spans`]).
+const BOTH: usize = 3;
 /// Cells of a span, at least 2 k + 1.
 const SPAN: usize = 48;
 const _: () = assert!(2 * Cropped::REACH_MAX < SPAN && Cropped::REACH_MAX.pow(2) < 1 << (32 - LABEL_BITS));
@@ -210,10 +212,15 @@ widest! {
             let targets = from.max(targets.start)..to.min(targets.end);
             let mut slot = targets.start % rows;
             for row in targets {
-                let span = &spans.keys[row.abs_diff(source)][sides][..used];
+                let span = &spans.keys[row.abs_diff(source)][sides];
                 let keys = &mut ring[slot * stride + column - reach..][..used];
                 slot = if slot + 1 == rows { 0 } else { slot + 1 };
-                for (key, span) in keys.iter_mut().zip(span) {
+                if sides == BOTH {
+                    // nearest in its own column alone
+                    keys[reach] = keys[reach].min(span[reach] | label);
+                    continue;
+                }
+                for (key, span) in keys.iter_mut().zip(&span[..used]) {
                     *key = (*key).min(span | label);
                 }
             }
