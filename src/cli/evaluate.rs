@@ -49,8 +49,8 @@ pub(super) struct Evaluate {
     /// Register every pair so many times and tell the least time.
     #[arg(long, default_value = "1")]
     repeat: NonZeroUsize,
-    /// Also write all hypotheses of each pair that were looked at closely, with what their scores are made of, one line
-    /// a pair: for fitting the decision of the method `hough`.
+    /// Also write all hypotheses of each pair that were looked at closely, with what their scores are made of and what
+    /// speaks for and against each, one line a pair: for fitting the decision of the method `hough`.
     #[arg(long, value_name = "FILE")]
     hypotheses: Option<PathBuf>,
 }
@@ -119,11 +119,7 @@ impl Evaluate {
             line.insert("search_seconds".into(), json!(search.as_secs_f64()));
             say(&Value::Object(line).to_string())?;
             if let Some(hough) = &examined {
-                let all: Vec<Value> = hough
-                    .examine(&fixed.features, &moving.features)
-                    .into_iter()
-                    .map(|(pose, score)| json!({"pose": pose, "score": score}))
-                    .collect();
+                let all = hough.examine(&fixed.features, &moving.features);
                 hypotheses += &json!({"id": pair.id, "hypotheses": all}).to_string();
                 hypotheses.push('\n');
             }

@@ -8,6 +8,7 @@ mod command;
 mod demo_command;
 mod errors;
 mod events;
+mod fit_decision;
 mod integrity;
 mod jobs;
 mod keys_command;

@@ -24,7 +24,7 @@
 //!
 //! How it was fitted, and what it reaches: see the module's root.
 
-use super::params::{DecisionParameters, PosteriorWeights};
+use super::params::{DecisionParameters, PosteriorTerms};
 use super::placement::{Moments, Placement};
 use super::refine::Refined;
 use super::score::{Score, Tally, kullback};
@@ -173,8 +173,13 @@ fn accept(ranked: &mut [Finalist], chosen: usize, rule: Rule) -> Verdict {
 }
 
 /// The probability that a hypothesis is right (step 2), in [0, 1].
-pub(super) fn probability(ranked: &[Finalist], index: usize, moving: Moments, weights: &PosteriorWeights) -> f32 {
+pub(super) fn probability(ranked: &[Finalist], index: usize, moving: Moments, weights: &PosteriorTerms) -> f32 {
     sigmoid(Field { ranked, moving }.logit(index, weights))
+}
+
+/// What speaks for and against a hypothesis (x of step 2).
+pub(super) fn terms(ranked: &[Finalist], index: usize, moving: Moments) -> PosteriorTerms {
+    Field { ranked, moving }.terms(index)
 }
 
 fn sigmoid(logit: f32) -> f32 {
@@ -244,7 +249,12 @@ impl Field<'_> {
     }
 
     /// w . x of rule 2.
-    fn logit(&self, index: usize, weights: &PosteriorWeights) -> f32 {
+    fn logit(&self, index: usize, weights: &PosteriorTerms) -> f32 {
+        weights.dot(&self.terms(index))
+    }
+
+    /// x of rule 2.
+    fn terms(&self, index: usize) -> PosteriorTerms {
         let me = &self.ranked[index];
         let mean = &me.score.mean;
         let ratio = |score: fn(&Finalist) -> f32| {
@@ -258,17 +268,19 @@ impl Field<'_> {
                 mean.soft / (mean.soft + mean.violated()).max(1.0)
             })
             .fold(0.0, f32::max);
-        weights.constant
-            + weights.plain * (me.plain + OFFSET).ln()
-            + weights.deep * (me.deep + OFFSET).ln()
-            + weights.support * (me.support + 1.0).ln()
-            + weights.plain_ratio * ratio(|f| f.plain)
-            + weights.strict_ratio * ratio(|f| f.strict)
-            + weights.lax_ratio * ratio(|f| f.lax)
-            + weights.cover * mean.soft / me.extent().max(1.0)
-            + weights.chance * chance
-            + weights.straight * mean.found_straight / mean.found.max(1.0)
-            + weights.clutter * mean.violated_clutter / mean.soft.max(1.0)
+        PosteriorTerms {
+            constant: 1.0,
+            plain: (me.plain + OFFSET).ln(),
+            deep: (me.deep + OFFSET).ln(),
+            support: (me.support + 1.0).ln(),
+            plain_ratio: ratio(|f| f.plain),
+            strict_ratio: ratio(|f| f.strict),
+            lax_ratio: ratio(|f| f.lax),
+            cover: mean.soft / me.extent().max(1.0),
+            chance,
+            straight: mean.found_straight / mean.found.max(1.0),
+            clutter: mean.violated_clutter / mean.soft.max(1.0),
+        }
     }
 
     /// Rule 3.

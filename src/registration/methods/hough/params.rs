@@ -67,7 +67,7 @@ pub struct DecisionParameters {
     /// among the labelled maps, and no more than one in 300 among simulated buildings that do not repeat themselves.
     pub posterior_min: f32,
     /// How the probability is made up.
-    pub weights: PosteriorWeights,
+    pub weights: PosteriorTerms,
     /// Metres of wall that must hold the weaker direction.
     pub support_min_m: f32,
     /// A best plain score up to this is told as "no overlap"; a known pose must exceed it to be confirmed.
@@ -100,33 +100,58 @@ pub struct DecisionParameters {
     pub bent: BentParameters,
 }
 
-/// Weights of what speaks for and against a hypothesis, in logarithms of odds; see `decision`. Fitted by penalised
-/// logistic regression.
+/// What speaks for and against a hypothesis, a number each: what it has of each, or the weights, in logarithms of odds; see
+/// `decision`. The weights were fitted by penalised logistic regression (`benches/fit_decision.py`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PosteriorWeights {
-    /// Odds of a hypothesis without evidence.
+pub struct PosteriorTerms {
+    /// 1; its weight are the odds of a hypothesis without evidence.
     pub constant: f32,
-    /// Of ln(plain score + 5).
+    /// ln(plain score + 5).
     pub plain: f32,
-    /// Of ln(deep score + 5).
+    /// ln(deep score + 5).
     pub deep: f32,
-    /// Of ln(samples of 0.1 m that hold the weaker direction + 1).
+    /// ln(samples of 0.1 m that hold the weaker direction + 1).
     pub support: f32,
-    /// Of ln((best rival's plain score + 5) / (own + 5)).
+    /// ln((best rival's plain score + 5) / (own + 5)).
     pub plain_ratio: f32,
     /// The same of the strict scores.
     pub strict_ratio: f32,
     /// The same of the lax scores.
     pub lax_ratio: f32,
-    /// Of the share of all wall that is found: maps that show nothing but what they share are those of places that repeat.
+    /// The share of all wall that is found: maps that show nothing but what they share are those of places that repeat.
     pub cover: f32,
-    /// Of the greatest share found of a rival of comparable extent.
+    /// The greatest share found of a rival of comparable extent.
     pub chance: f32,
-    /// Of the share of straight wall in what is found: clutter is seldom alike by chance.
+    /// The share of straight wall in what is found: clutter is seldom alike by chance.
     pub straight: f32,
-    /// Of the clutter in free space, in shares of what is found.
+    /// The clutter in free space, in shares of what is found.
     pub clutter: f32,
+}
+
+impl PosteriorTerms {
+    /// The weights by their fields.
+    fn named(&self) -> [(&'static str, f32); 11] {
+        [
+            ("decision.weights.constant", self.constant),
+            ("decision.weights.plain", self.plain),
+            ("decision.weights.deep", self.deep),
+            ("decision.weights.support", self.support),
+            ("decision.weights.plain_ratio", self.plain_ratio),
+            ("decision.weights.strict_ratio", self.strict_ratio),
+            ("decision.weights.lax_ratio", self.lax_ratio),
+            ("decision.weights.cover", self.cover),
+            ("decision.weights.chance", self.chance),
+            ("decision.weights.straight", self.straight),
+            ("decision.weights.clutter", self.clutter),
+        ]
+    }
+
+    /// w . x.
+    pub(super) fn dot(&self, other: &Self) -> f32 {
+        let pairs = self.named().into_iter().zip(other.named());
+        pairs.map(|((_, a), (_, b))| a * b).sum()
+    }
 }
 
 /// Rule 5.
@@ -147,7 +172,7 @@ impl Default for DecisionParameters {
     fn default() -> Self {
         Self {
             posterior_min: 0.6,
-            weights: PosteriorWeights {
+            weights: PosteriorTerms {
                 constant: -3.5328,
                 plain: 1.1130,
                 deep: 1.1946,
@@ -204,23 +229,6 @@ impl DecisionParameters {
             ("decision.bent.ratio_max", bent.ratio_max),
             ("decision.bent.share_min", bent.share_min),
             ("decision.bent.share_max", bent.share_max),
-        ]
-    }
-
-    fn weights(&self) -> [(&'static str, f32); 11] {
-        let weights = &self.weights;
-        [
-            ("decision.weights.constant", weights.constant),
-            ("decision.weights.plain", weights.plain),
-            ("decision.weights.deep", weights.deep),
-            ("decision.weights.support", weights.support),
-            ("decision.weights.plain_ratio", weights.plain_ratio),
-            ("decision.weights.strict_ratio", weights.strict_ratio),
-            ("decision.weights.lax_ratio", weights.lax_ratio),
-            ("decision.weights.cover", weights.cover),
-            ("decision.weights.chance", weights.chance),
-            ("decision.weights.straight", weights.straight),
-            ("decision.weights.clutter", weights.clutter),
         ]
     }
 }
@@ -300,7 +308,7 @@ impl HoughParameters {
         for (name, value) in self.decision.not_negative() {
             within(name, value.into(), 0.0, 1e9, "at least 0")?;
         }
-        for (name, value) in self.decision.weights() {
+        for (name, value) in self.decision.weights.named() {
             within(name, value.into(), -1e3, 1e3, "within -1000 and 1000")?;
         }
         Ok(self)
