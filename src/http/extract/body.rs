@@ -3,10 +3,10 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use axum::body::Body;
+use axum::body::{Body, HttpBody as _};
 use axum::extract::{FromRequest, Request};
 use axum::http::{HeaderMap, header};
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use futures_util::StreamExt;
 
 use super::digest::ToldDigests;
@@ -141,8 +141,19 @@ pub(super) async fn read_body(body: Body, limits: BodyLimits) -> ApiResult<Bytes
 }
 
 async fn collect(body: Body, limit: u64) -> ApiResult<Bytes> {
+    let mut whole = Vec::new();
+    // All at once where the length is known: a block that grows is copied, and is there twice meanwhile.
+    let known = body.size_hint().lower().min(limit);
+    usize::try_from(known)
+        .ok()
+        .and_then(|bytes| whole.try_reserve_exact(bytes).ok())
+        .ok_or_else(|| {
+            ApiError::new(
+                ProblemCode::Overloaded,
+                format!("there is no memory for a body of {known} bytes at present; try again"),
+            )
+        })?;
     let mut stream = body.into_data_stream();
-    let mut whole = BytesMut::new();
     while let Some(chunk) = stream.next().await {
         let chunk = chunk.map_err(|error| {
             ApiError::new(
@@ -156,7 +167,7 @@ async fn collect(body: Body, limit: u64) -> ApiResult<Bytes> {
         }
         whole.extend_from_slice(&chunk);
     }
-    Ok(whole.freeze())
+    Ok(whole.into())
 }
 
 fn too_large(bytes: u64, limit: u64) -> ApiError {

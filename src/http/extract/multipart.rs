@@ -3,12 +3,10 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use axum::body::Body;
-use axum::extract::multipart::MultipartError;
-use axum::extract::{FromRequest, Multipart, Request};
-use axum::http::header;
 use bytes::Bytes;
-use futures_util::stream;
+use futures_util::stream::{self, Stream};
+use memchr::memmem;
+use multer::Multipart;
 
 use crate::api::{FieldError, ProblemCode};
 use crate::http::error::{ApiError, ApiResult};
@@ -16,11 +14,12 @@ use crate::http::error::{ApiError, ApiResult};
 /// The most parts that a body may have.
 const PARTS_MAX: usize = 256;
 
-/// Bytes that the parser is given at a time: it copies what it is given, so it never holds the whole body again.
-const BITE: usize = 64 << 10;
+/// Bytes that the parser is given at a time. It copies them, and takes the next ones with each of its steps, whether it needs
+/// them or not: a few steps for each part.
+const BITE: usize = 4 << 10;
 /// The most bytes that the parser may read without coming to the data of a part: preamble and headers. It looks at them
 /// again with every bite.
-const HEAD_MAX: usize = 4 * BITE;
+const HEAD_MAX: usize = 16 * BITE;
 
 /// One part of a multipart body.
 #[derive(Debug, Clone)]
@@ -33,51 +32,65 @@ pub(in crate::http) struct Part {
     pub(in crate::http) bytes: Bytes,
 }
 
-/// The parts of a body that is already in memory, in their order.
+/// The parts of a body that is already in memory, in their order. What they hold is that memory, not a copy.
 pub(in crate::http) async fn read_parts(content_type: &str, bytes: Bytes) -> ApiResult<Vec<Part>> {
+    let boundary = multer::parse_boundary(content_type).map_err(|error| malformed(&error.to_string()))?;
+    // The parser tells names and lengths; where a part's data lies in the body is found as it finds it itself.
+    let mut at = memmem::find(&bytes, format!("--{boundary}").as_bytes()).unwrap_or_default();
     let budget = Arc::new(AtomicUsize::new(HEAD_MAX));
-    let request = Request::builder()
-        .header(header::CONTENT_TYPE, content_type)
-        .body(bitten(bytes, Arc::clone(&budget)))
-        .map_err(|error| malformed(&error.to_string()))?;
-    let mut request = request;
-    axum::extract::DefaultBodyLimit::disable().apply(&mut request); // the body's length has been looked at
-    let mut multipart = Multipart::from_request(request, &())
-        .await
-        .map_err(|rejection| malformed(&rejection.body_text()))?;
-    let refusal = |error: MultipartError| {
+    let mut multipart = Multipart::new(bitten(bytes.clone(), Arc::clone(&budget)), boundary);
+    let refusal = |error: multer::Error| {
         if budget.load(Ordering::Relaxed) < BITE {
             malformed(&format!(
                 "what stands before the data of a part is longer than {HEAD_MAX} bytes"
             ))
         } else {
-            malformed(&error.body_text())
+            malformed(&error.to_string())
         }
     };
     let mut parts = Vec::new();
     loop {
         budget.store(HEAD_MAX, Ordering::Relaxed);
-        let Some(field) = multipart.next_field().await.map_err(refusal)? else {
+        let Some(mut field) = multipart.next_field().await.map_err(refusal)? else {
             return Ok(parts);
         };
         if parts.len() == PARTS_MAX {
             return Err(malformed(&format!("it has more than {PARTS_MAX} parts")));
         }
         budget.store(usize::MAX, Ordering::Relaxed);
-        let (name, file_name) = (field.name().map(str::to_owned), field.file_name().map(str::to_owned));
-        let bytes = field.bytes().await.map_err(refusal)?;
+        let start = after(&bytes, at, CRLF).and_then(|head| after(&bytes, head, b"\r\n\r\n"));
+        let start = start.ok_or_else(|| malformed("the head of a part has no end"))?;
+        let mut end = start;
+        while let Some(data) = field.chunk().await.map_err(refusal)? {
+            if bytes.get(end..end + data.len()) != Some(&data[..]) {
+                return Err(malformed("the head of a part is not one by RFC 7578"));
+            }
+            end += data.len();
+        }
+        at = end + CRLF.len();
         parts.push(Part {
-            name: name.ok_or_else(|| malformed("a part has no name"))?,
-            file_name,
-            bytes,
+            name: field
+                .name()
+                .map(str::to_owned)
+                .ok_or_else(|| malformed("a part has no name"))?,
+            file_name: field.file_name().map(str::to_owned),
+            bytes: bytes.slice(start..end),
         });
     }
 }
 
+const CRLF: &[u8] = b"\r\n";
+
+/// Where the next `pattern` ends, from a place on.
+fn after(bytes: &[u8], from: usize, pattern: &[u8]) -> Option<usize> {
+    let at = memmem::find(bytes.get(from..)?, pattern)?;
+    Some(from + at + pattern.len())
+}
+
 /// The body in bites, as many as the budget allows. After each the parser gets to look at what it has: it reads on for as
 /// long as there is anything to read.
-fn bitten(bytes: Bytes, budget: Arc<AtomicUsize>) -> Body {
-    Body::from_stream(stream::unfold((bytes, budget), |(mut rest, budget)| async move {
+fn bitten(bytes: Bytes, budget: Arc<AtomicUsize>) -> impl Stream<Item = Result<Bytes, HeadTooLong>> + Send {
+    stream::unfold((bytes, budget), |(mut rest, budget)| async move {
         tokio::task::yield_now().await;
         let bite = rest.split_to(rest.len().min(BITE));
         if bite.is_empty() {
@@ -88,7 +101,7 @@ fn bitten(bytes: Bytes, budget: Arc<AtomicUsize>) -> Body {
         });
         let bite = within.map(|_| bite).map_err(|_| HeadTooLong);
         Some((bite, (rest, budget)))
-    }))
+    })
 }
 
 /// The budget of a head is used up.
@@ -129,6 +142,22 @@ mod tests {
         let body = [&head[..], &long, b"\r\n--x--\r\n"].concat();
         let parts = read_parts("multipart/form-data; boundary=x", body.into());
         assert_eq!(parts.await.expect("one part")[0].bytes, long);
+    }
+
+    #[tokio::test]
+    async fn parts_are_pieces_of_the_body_and_not_copies() {
+        let odd = "a preamble\r\n\r\nof two lines\r\n--x \t\r\nContent-Disposition: form-data; name=\"a\"\r\n\r\n\r\n-x\r\n\r\n\
+                   \r\n--x\r\ncontent-disposition: form-data; name=\"b\"\r\n\r\n\r\n--x--\r\nan epilogue";
+        for (body, wanted) in [(BODY, ["image: a.pgm", "P5"]), (odd, ["\r\n-x\r\n\r\n", ""])] {
+            let body = Bytes::from_static(body.as_bytes());
+            let parts = read_parts("multipart/form-data; boundary=x", body.clone()).await;
+            let parts = parts.expect("two parts");
+            assert_eq!(parts.len(), 2);
+            for (part, wanted) in parts.iter().zip(wanted) {
+                assert_eq!(part.bytes, wanted);
+                assert!(body.as_ptr_range().contains(&part.bytes.as_ptr()), "{wanted:?}");
+            }
+        }
     }
 
     #[tokio::test]

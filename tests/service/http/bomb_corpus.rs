@@ -255,6 +255,14 @@ const PARTS: &[fn() -> Bomb] = &[
         )
     },
     || {
+        form(
+            "a picture of 120 MB that is none",
+            MAPS,
+            &yaml("m.png"),
+            &vec![b'x'; 120 << 20],
+        )
+    },
+    || {
         Bomb::new(
             "a form of 60 MB before its first part",
             MAPS,
