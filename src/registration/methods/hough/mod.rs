@@ -13,11 +13,11 @@
 //!
 //! **Shapes and units.** Metres and radians. Walls are counted in samples of 0.1 m. Windows follow the cell size.
 //!
-//! **Cost.** One thread, the least of five times, median over 98 pairs of maps of about 500 x 800 cells: features 3.0 ms a
-//! map; rotation 0.03, translation 4.9, coarse refinement 1.5, fine 1.1, polish 0.5, the answer 0.4; 15 ms together, on two
-//! threads 9 to 11.
-//! `benches/registration.rs` tells it by stage and by size; maps of 4000 x 4000 cells, full of walls: features 175 ms a map,
-//! search 102 ms, on two threads 77 and 55. How far each is from its floor:
+//! **Cost.** One thread, the least of five times, median over 98 pairs of maps of about 500 x 800 cells: features 2.7 ms a
+//! map; rotation 0.02, translation 4.4, coarse refinement 1.3, fine 0.9, polish 0.5, the answer 0.3; 13.6 ms together, on two
+//! threads 8.0 (17.5 and 11.4 in an hour when the machine was slower).
+//! `benches/registration.rs` tells it by stage and by size; maps of 4000 x 4000 cells, full of walls: features 85 ms a map,
+//! search 66 ms (103 and 117 in the slower hour, and then on two threads 69 and 54). How far each is from its floor:
 //!
 //! * Features: the floor is memory, 2 bytes a cell read and 5 written, 0.3 ms at 10 GB/s, which the passes over all cells
 //!   keep to; the rest follows the wall: windows and labels 0.6 ms, the spectrum 0.6 (180 directions, each one addition in
