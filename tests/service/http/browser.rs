@@ -1,6 +1,7 @@
 //! The page in a real browser: what somebody sees who opens it and lets it stand.
 
-use std::io::{BufRead as _, BufReader};
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -15,15 +16,20 @@ use crate::skipped::skipped;
 /// A browser without a window, by its driver; both end with it.
 struct Browser {
     driver: Child,
-    url: String,
+    port: u16,
     client: Client,
+    session: String,
+    /// What driver and browser leave behind, until it is dropped.
+    _folder: tempfile::TempDir,
 }
 
 impl Browser {
     /// Nothing, and a word about it, when this machine has no browser.
     async fn start() -> Option<Self> {
+        let folder = tempfile::tempdir().expect("a temporary folder");
         let Ok(mut driver) = Command::new("chromedriver")
             .arg("--port=0")
+            .env("TMPDIR", folder.path())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -36,7 +42,7 @@ impl Browser {
             let (_, port) = line.split_once("successfully on port ")?;
             port.trim_end_matches('.').parse::<u16>().ok()
         });
-        let url = format!("http://127.0.0.1:{}", port.expect("the driver tells its port"));
+        let port = port.expect("the driver tells its port");
         // a full pipe would stop it
         std::thread::spawn(move || lines.for_each(drop));
         let wishes = json!({
@@ -51,10 +57,17 @@ impl Browser {
         };
         let client = ClientBuilder::new(HttpConnector::new())
             .capabilities(wishes)
-            .connect(&url)
+            .connect(&format!("http://127.0.0.1:{port}"))
             .await
             .expect("the driver starts a browser");
-        let browser = Self { driver, url, client };
+        let session = client.session_id().await.expect("an answer").expect("a session");
+        let browser = Self {
+            driver,
+            port,
+            client,
+            session,
+            _folder: folder,
+        };
         browser.run("console.error('heard');").await;
         assert_eq!(browser.complaints().await.len(), 1, "complaints are heard");
         Some(browser)
@@ -94,8 +107,7 @@ impl Browser {
 
     /// What the browser complains of: errors of scripts, refusals by the content policy, files that are not there.
     async fn complaints(&self) -> Vec<Value> {
-        let session = self.client.session_id().await.expect("an answer").expect("a session");
-        let path = format!("{}/session/{session}/se/log", self.url);
+        let path = format!("http://127.0.0.1:{}/session/{}/se/log", self.port, self.session);
         let asked = reqwest::Client::new().post(path).json(&json!({ "type": "browser" }));
         let told: Value = asked.send().await.expect("an answer").json().await.expect("JSON");
         told["value"].as_array().expect("a list").clone()
@@ -107,11 +119,23 @@ impl Browser {
 }
 
 impl Drop for Browser {
-    /// The driver ends its browser when it is told to stop, after a test that failed too.
+    /// The driver ends its browser, and removes its folder, when its session ends; not when it is killed itself.
     fn drop(&mut self) {
-        let told = Command::new("kill").arg(self.driver.id().to_string()).status();
-        if told.is_ok_and(|status| status.success()) {
-            let _ = self.driver.wait();
+        let end_of_session = || -> std::io::Result<()> {
+            let mut socket = TcpStream::connect(("127.0.0.1", self.port))?;
+            socket.set_read_timeout(Some(PATIENCE))?;
+            write!(
+                socket,
+                "DELETE /session/{} HTTP/1.1\r\nhost: 127.0.0.1\r\nconnection: close\r\n\r\n",
+                self.session
+            )?;
+            socket.read_exact(&mut [0; 12]) // answered once it is gone; the connection stays
+        };
+        let ended = end_of_session();
+        let _ = self.driver.kill();
+        let _ = self.driver.wait();
+        if !std::thread::panicking() {
+            ended.expect("the driver ends its session");
         }
     }
 }
