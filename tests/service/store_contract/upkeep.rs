@@ -1,6 +1,7 @@
 //! Keeping house: labels to find sessions by, versions that are kept, blobs that are removed.
 
 use std::num::NonZeroU32;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::prelude::*;
 use mapweld::model::LabelFilter;
@@ -250,18 +251,20 @@ pub(crate) async fn a_mark_is_taken_away_only_by_who_saw_it_as_it_is(store: AnyS
     assert_eq!(store.blob_mark(blobs[0]).await.expect("answers"), None);
 }
 
-/// While a blob is marked no record names it, however many are added at the same time.
+/// While a blob is marked no record names it, however many are added at the same time. Both go on until each has come
+/// before the other often enough.
 pub(crate) async fn marks_and_records_never_meet_halfway(store: AnyStore) {
-    const ADDERS: usize = 4;
-    const ROUNDS: usize = 25;
+    const ADDERS: u64 = 4;
+    const OFTEN: usize = 20;
+    const PATIENCE: Duration = Duration::from_secs(60);
     let key = blob("cells");
     let ids: Vec<SessionId> = (0..ADDERS).map(|adder| session(&format!("s{adder}"))).collect();
+    let added = Arc::new(AtomicUsize::new(0));
     let mut adders = tokio::task::JoinSet::new();
-    for id in ids.clone() {
-        let store = Arc::clone(&store);
+    for (adder, id) in (0..ADDERS).zip(ids.clone()) {
+        let (store, added) = (Arc::clone(&store), Arc::clone(&added));
         adders.spawn(async move {
-            let mut added = 0;
-            for _ in 0..ROUNDS {
+            for round in 0_u64.. {
                 let mut add = naming(&id, key);
                 add.create_session = Some(SessionSettings {
                     auto_merge: false,
@@ -269,41 +272,41 @@ pub(crate) async fn marks_and_records_never_meet_halfway(store: AnyStore) {
                 });
                 match store.add_map_and_enqueue(add, at(0)).await {
                     Ok(_) => {
-                        added += 1;
+                        added.fetch_add(1, Ordering::Relaxed);
                         store.delete_session(&id).await.expect("is deleted");
                     }
                     Err(StoreError::BlobRemoved(_)) => {}
                     Err(error) => panic!("{error}"),
                 }
+                // out of step: adders that take turns leave no moment without a record
+                tokio::time::sleep(Duration::from_millis(round % (adder + 2))).await;
             }
-            added
         });
     }
-    let sweeping = {
-        let store = Arc::clone(&store);
-        async move {
-            let mut marked = 0;
-            for round in 0..ROUNDS {
-                if store.mark_unneeded(&[key], at(0)).await.expect("answers").is_empty() {
-                    continue;
-                }
-                marked += 1;
-                for id in &ids {
-                    let named = store
-                        .list_maps(id, None, &Page::first(9))
-                        .await
-                        .map_or(0, |maps| maps.len());
-                    assert_eq!(named, 0, "round {round}: a record names the blob that is marked");
-                }
-                let mark = store.blob_mark(key).await.expect("answers").expect("it is marked");
-                assert!(store.unmark_blob(key, mark).await.expect("answers"));
+    let (mut marked, mut named) = (0, 0);
+    let sweeping = async {
+        while marked < OFTEN || named < OFTEN || added.load(Ordering::Relaxed) < OFTEN {
+            if store.mark_unneeded(&[key], at(0)).await.expect("answers").is_empty() {
+                named += 1;
+                continue;
             }
-            marked
+            marked += 1;
+            for id in &ids {
+                let records = store
+                    .list_maps(id, None, &Page::first(9))
+                    .await
+                    .map_or(0, |maps| maps.len());
+                assert_eq!(records, 0, "a record names the blob of mark {marked}");
+            }
+            let mark = store.blob_mark(key).await.expect("answers").expect("it is marked");
+            assert!(store.unmark_blob(key, mark).await.expect("answers"));
         }
     };
-    let (marked, added) = tokio::join!(sweeping, adders.join_all());
-    assert!(
-        marked > 0 && added.iter().sum::<usize>() > 0,
-        "they never met: {marked}, {added:?}"
-    );
+    tokio::select! {
+        () = sweeping => {}
+        Some(ended) = adders.join_next() => panic!("an adder ended: {ended:?}"),
+        () = tokio::time::sleep(PATIENCE) => {
+            panic!("they never met: {marked} marks, {named} refused, {} records", added.load(Ordering::Relaxed))
+        }
+    }
 }
