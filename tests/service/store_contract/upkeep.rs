@@ -256,7 +256,7 @@ pub(crate) async fn a_mark_is_taken_away_only_by_who_saw_it_as_it_is(store: AnyS
 pub(crate) async fn marks_and_records_never_meet_halfway(store: AnyStore) {
     const ADDERS: u64 = 4;
     const OFTEN: usize = 20;
-    const PATIENCE: Duration = Duration::from_secs(60);
+    const PATIENCE: Duration = Duration::from_mins(1);
     let key = blob("cells");
     let ids: Vec<SessionId> = (0..ADDERS).map(|adder| session(&format!("s{adder}"))).collect();
     let added = Arc::new(AtomicUsize::new(0));

@@ -4,6 +4,8 @@
 //! map with the smaller known area is looked up, with k such that about 6000 are: V of many candidates is needed, and
 //! a share is told to half a percent by so many.
 
+use rayon::prelude::*;
+
 use super::cells::CellMap;
 use super::cropped::UNKNOWN;
 use super::features::Features;
@@ -12,6 +14,8 @@ use super::placement::{Placement, Rigid};
 use super::simd::{LANES, widest};
 
 const LOOKUPS: usize = 6_000;
+/// Rows that one task looks up at least.
+const TOGETHER: usize = 16;
 
 /// V in [0, 1], `None` without common cells; and the overlap in [0, 1].
 pub(super) fn agreement(fixed: &Features, moving: &Features, placement: Placement) -> (Option<f64>, f64) {
@@ -26,10 +30,18 @@ pub(super) fn agreement(fixed: &Features, moving: &Features, placement: Placemen
 
 fn walk(smaller: &CellMap, known: usize, larger: &CellMap, to_larger: Rigid) -> (Option<f64>, f64) {
     let step = (known / LOOKUPS).isqrt().max(1);
-    let mut counts = Counts::default();
-    for row in (0..smaller.height).step_by(step) {
-        compare_row(smaller, larger, to_larger, row, step, &mut counts);
-    }
+    let counts = (0..smaller.height.div_ceil(step))
+        .into_par_iter()
+        .with_min_len(TOGETHER)
+        .fold(Counts::default, |mut counts, row| {
+            compare_row(smaller, larger, to_larger, row * step, step, &mut counts);
+            counts
+        })
+        .reduce(Counts::default, |a, b| Counts {
+            visited: a.visited + b.visited,
+            agreeing: a.agreeing + b.agreeing,
+            common: a.common + b.common,
+        });
     let share = |part: usize, whole: usize| real64(part) / real64(whole.max(1));
     let Counts {
         visited,

@@ -14,10 +14,10 @@
 //! **Shapes and units.** Metres and radians. Walls are counted in samples of 0.1 m. Windows follow the cell size.
 //!
 //! **Cost.** One thread, the least of five times, median over 98 pairs of maps of about 500 x 800 cells: features 2.7 ms a
-//! map; rotation 0.02, translation 4.4, coarse refinement 1.3, fine 0.9, polish 0.5, the answer 0.3; 13.6 ms together, on two
-//! threads 8.0 (17.5 and 11.4 in an hour when the machine was slower).
+//! map; rotation 0.02, translation 4.4, coarse refinement 1.3, fine 0.9, polish 0.5, the answer 0.3; 13.6 ms together (18.3 in
+//! an hour when the machine was slower, and then on two threads 11.0).
 //! `benches/registration.rs` tells it by stage and by size; maps of 4000 x 4000 cells, full of walls: features 85 ms a map,
-//! search 66 ms (103 and 117 in the slower hour, and then on two threads 69 and 54). How far each is from its floor:
+//! search 66 ms (106 and 81 in the slower hour, and then on two threads 64 and 49). How far each is from its floor:
 //!
 //! * Features: the floor is memory, 2 bytes a cell read and 5 written, 0.3 ms at 10 GB/s, which the passes over all cells
 //!   keep to; the rest follows the wall: windows and labels 0.6 ms, the spectrum 0.6 (180 directions, each one addition in
@@ -144,17 +144,25 @@ impl Hough {
         let rotations = rotation::candidates(&fixed.spectrum, &moving.spectrum, parameters.rotations);
         stages.end("rotation")?;
 
-        let shifts = translation::shifts(&self.planner, fixed, moving, &rotations, parameters);
+        let tolerances = Tolerances::of(fixed, moving);
+        let thinned = |most| (Thinned::new(fixed, most), Thinned::new(moving, most));
+        let (shifts, [few, more, fine, scored, polished]) = rayon::join(
+            || translation::shifts(&self.planner, fixed, moving, &rotations, parameters),
+            || {
+                let samples = [
+                    parameters.coarse_samples / 2,
+                    parameters.coarse_samples,
+                    parameters.fine_samples,
+                    parameters.scored_samples,
+                    parameters.polished_samples,
+                ];
+                samples.map(thinned)
+            },
+        );
         stages.end("translation")?;
 
-        let tolerances = Tolerances::of(fixed, moving);
-        let thinned = |most: usize| rayon::join(|| Thinned::new(fixed, most), || Thinned::new(moving, most));
         // Half of the way with half of the samples for all, the rest for those that got somewhere.
         let (first, second) = COARSE.split_at(COARSE.len() / 2);
-        let (few, more) = (
-            thinned(parameters.coarse_samples / 2),
-            thinned(parameters.coarse_samples),
-        );
         let refine_and_score = |start: Placement, schedule, (fixed, moving): &(Thinned, Thinned)| {
             let refined = refine(fixed, moving, start, schedule, tolerances.stretch);
             (refined.placement, score(fixed, moving, refined.placement, tolerances))
@@ -171,7 +179,6 @@ impl Hough {
         stages.end("coarse refinement")?;
 
         let chosen = shortlist(&coarse, moving.moments, parameters.shortlist);
-        let (fine, scored) = (thinned(parameters.fine_samples), thinned(parameters.scored_samples));
         let finalists: Vec<Finalist> = chosen
             .par_iter()
             .map(|&index| {
@@ -183,7 +190,7 @@ impl Hough {
         stages.end("fine refinement")?;
 
         // All samples, or nearly, for the few that the answer may be about.
-        let (fixed, moving) = thinned(parameters.polished_samples);
+        let (fixed, moving) = polished;
         ranked.par_iter_mut().take(parameters.polished).for_each(|finalist| {
             let refined = refine(&fixed, &moving, finalist.placement(), &POLISH, tolerances.stretch);
             *finalist = Finalist::new(refined, score(&fixed, &moving, refined.placement, tolerances));

@@ -23,6 +23,15 @@ pub(super) struct Rigid {
     pub(super) cos: f32,
 }
 
+/// A placement with sine and cosine at hand, in double precision.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Turned {
+    x: f64,
+    y: f64,
+    sin: f64,
+    cos: f64,
+}
+
 /// The first and second moments of a map's wall samples, in its local frame.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Moments {
@@ -62,11 +71,24 @@ impl Placement {
 
     /// RMS distance in metres between the moving map's walls under two placements.
     pub(super) fn distance(self, other: Self, moving: Moments) -> f64 {
+        self.turned().distance(other.turned(), moving)
+    }
+
+    /// With sine and cosine at hand, for many distances.
+    pub(super) fn turned(self) -> Turned {
+        let (sin, cos) = self.yaw.sin_cos();
+        let Self { x, y, .. } = self;
+        Turned { x, y, sin, cos }
+    }
+}
+
+impl Turned {
+    /// See [`Placement::distance`].
+    pub(super) fn distance(self, other: Self, moving: Moments) -> f64 {
         let (dx, dy) = (self.x - other.x, self.y - other.y);
-        let ((sa, ca), (sb, cb)) = (self.yaw.sin_cos(), other.yaw.sin_cos());
-        let (c, s) = (ca - cb, sa - sb);
+        let (c, s) = (self.cos - other.cos, self.sin - other.sin);
         let [mx, my] = moving.mean;
-        let square = 4.0 * (0.5 * (self.yaw - other.yaw)).sin().powi(2) * moving.mean_square
+        let square = (c * c + s * s) * moving.mean_square
             + 2.0 * (dx * (c * mx - s * my) + dy * (s * mx + c * my))
             + dx * dx
             + dy * dy;

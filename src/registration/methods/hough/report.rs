@@ -1,5 +1,7 @@
 //! What was found, in the words of `registration::outcome`.
 
+use rayon::prelude::*;
+
 use super::agreement::agreement;
 use super::decision::{Finalist, Rule, Verdict, probability, rival};
 use super::features::{Features, SAMPLE_M};
@@ -123,11 +125,13 @@ impl Pair<'_> {
                 }
             }
         };
-        let candidates = (0..ranked.len().min(CANDIDATES)).map(|index| Candidate {
-            pose_fixed_moving: self.pose(&ranked[index]),
-            covariance: self.covariance(&ranked[index]),
-            evidence: self.evidence(ranked, index, parameters),
-        });
+        let candidates = (0..ranked.len().min(CANDIDATES))
+            .into_par_iter()
+            .map(|index| Candidate {
+                pose_fixed_moving: self.pose(&ranked[index]),
+                covariance: self.covariance(&ranked[index]),
+                evidence: self.evidence(ranked, index, parameters),
+            });
         Registration::Rejected(Rejection {
             reason,
             candidates: candidates.collect(),

@@ -3,7 +3,7 @@
 //! Several, because a clean pair is best told by what does not contradict it, and a bent or dirty one by how much is
 //! found.
 
-use super::placement::{Moments, Placement};
+use super::placement::{Moments, Placement, Turned};
 use super::score::{Score, kullback};
 
 /// Placements nearer than this are one, metres.
@@ -21,6 +21,7 @@ pub(super) fn shortlist(results: &[(Placement, Score)], moving: Moments, most: u
             kullback(s.mean.soft, misses, 0.25)
         },
     ];
+    let placements: Vec<Turned> = results.iter().map(|(placement, _)| placement.turned()).collect();
     let mut chosen: Vec<usize> = Vec::new();
     for criterion in criteria {
         let values: Vec<f32> = results.iter().map(|(_, score)| criterion(score)).collect();
@@ -31,7 +32,7 @@ pub(super) fn shortlist(results: &[(Placement, Score)], moving: Moments, most: u
             if mine.len() == most {
                 break;
             }
-            let apart = |&other: &usize| results[other].0.distance(results[index].0, moving) > SAME_M;
+            let apart = |&other: &usize| placements[other].distance(placements[index], moving) > SAME_M;
             if mine.iter().all(apart) {
                 mine.push(index);
                 if chosen.iter().all(apart) {

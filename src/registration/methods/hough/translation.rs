@@ -29,6 +29,8 @@ use super::raster::{Raster, bounds};
 
 const MU: f32 = 0.05;
 const LEAST_COMMON_M: f32 = 2.0;
+/// Rotations whose rasters are made while the fixed map is transformed: as many as most pairs have.
+const EARLY: usize = 2;
 
 /// A shift that may be right.
 #[derive(Debug, Clone, Copy)]
@@ -49,16 +51,22 @@ pub(super) fn shifts(
     let cell = narrow(HoughParameters::coarse_cell(fixed, moving));
     let (axes, [width, height]) = axes(fixed, moving, rotations, cell);
     let plan = planner.plan(width, height);
-    let still = Raster::new(fixed, axes, cell);
-    let correlator = correlator(plan, &still);
+    let turned = |rotation| Raster::new(moving, axes + rotation, cell);
+    let (first, others) = rotations.split_at(rotations.len().min(EARLY));
+    let ((still, correlator), first) = rayon::join(
+        || {
+            let still = Raster::new(fixed, axes, cell);
+            let correlator = correlator(plan, &still);
+            (still, correlator)
+        },
+        || first.iter().map(|&rotation| turned(rotation)).collect::<Vec<_>>(),
+    );
     let scratches = Pool::default();
-    let lists: Vec<Vec<Shift>> = rotations
-        .par_iter()
-        .map(|&rotation| {
-            let turned = Raster::new(moving, axes + rotation, cell);
-            scratches.lend(|scratch| of_rotation(&correlator, &still, &turned, cell, parameters, scratch))
-        })
-        .collect();
+    let of_rotation =
+        |turned: &Raster| scratches.lend(|scratch| of_rotation(&correlator, &still, turned, cell, parameters, scratch));
+    let early = first.into_par_iter().map(|turned| of_rotation(&turned));
+    let late = others.par_iter().map(|&rotation| of_rotation(&turned(rotation)));
+    let lists: Vec<Vec<Shift>> = early.chain(late).collect();
     let mut all: Vec<Shift> = lists.into_iter().flatten().collect();
     // back from the axes of the search into those of the fixed map
     let (sin, cos) = axes.sin_cos();
