@@ -187,11 +187,10 @@ async fn livez_answers_within_50_ms_while_all_workers_merge() {
     assert!(measured >= 50, "only {measured} probes while both workers merged");
     let (idle, busy) = (percentile(idle, 0.99), percentile(busy, 0.99));
     eprintln!("/livez p99: {idle:?} at rest, {busy:?} while all workers merge ({measured} probes)");
-    // `tests/load.sh` has the machine for itself. Beside other tests it works for them too, now less and now more.
+    // Beside other tests, what the machine takes at rest it takes for others' work; `tests/load.sh` has it for itself.
     let alone = full_form("MAPWELD_UPLOADS", 0) > 0;
-    let limit = Duration::from_millis(50);
-    let limit = if alone { limit } else { 2 * (limit + idle) };
-    assert!(busy < limit, "{busy:?}, at rest {idle:?}");
+    let others = if alone { Duration::ZERO } else { idle };
+    assert!(busy < Duration::from_millis(50) + others, "{busy:?}, at rest {idle:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
