@@ -99,7 +99,7 @@ fn name_of(headers: &HeaderMap) -> ApiResult<Option<CallName>> {
 }
 
 async fn named_call(state: AppState, name: CallName, request: Request, next: Next) -> ApiResult<Response> {
-    let (mut request, digest) = read_whole(&state, request).await?;
+    let (request, digest) = read_whole(&state, request).await?;
     let owner = request.extensions().get::<Caller>().and_then(Caller::key);
     let now = state.clock.now();
     let after = |time: Duration| {
@@ -115,7 +115,16 @@ async fn named_call(state: AppState, name: CallName, request: Request, next: Nex
         lease_until: after(LEASE),
         expires_at: after(state.limits.keep_answers),
     };
-    let begun = state.store.begin_call(&call, now).await?;
+    // In a task of its own, and from here on: a caller who hangs up now and comes again is told the answer, and his name is
+    // not held for the length of a lease because nobody is left who could end the attempt.
+    tokio::spawn(attempt_at(state, call, request, next).in_current_span())
+        .await
+        .map_err(ApiError::internal)?
+}
+
+/// Enters the call, or tells what became of it before.
+async fn attempt_at(state: AppState, call: Call, mut request: Request, next: Next) -> ApiResult<Response> {
+    let begun = state.store.begin_call(&call, state.clock.now()).await?;
     let attempt = match begun {
         Begun::Now(attempt) => {
             meters::named("begun");
@@ -132,14 +141,8 @@ async fn named_call(state: AppState, name: CallName, request: Request, next: Nex
         }
     };
     request.extensions_mut().insert(Makes(attempt.makes));
-    // In a task of its own: the answer is kept, also for a caller who hangs up now and comes again.
-    let answered = async move {
-        let answer = next.run(request).await;
-        finish(&state, &attempt, answer).await
-    };
-    tokio::spawn(answered.in_current_span())
-        .await
-        .map_err(ApiError::internal)?
+    let answer = next.run(request).await;
+    finish(&state, &attempt, answer).await
 }
 
 /// The request with its body read, within the limits of its operation, and the digest of what it says.

@@ -1,6 +1,7 @@
 //! `nav_msgs/OccupancyGrid` as JSON, as rosbridge and most tools write it.
 
 mod message;
+mod texts;
 
 pub use message::{CellValues, Header, Info, OccupancyGridMessage, Origin, Position, Quaternion};
 
@@ -33,9 +34,10 @@ impl OccupancyGridMessage {
     /// Reads the message, without a look at what its fields mean together.
     ///
     /// # Errors
-    /// When it is too long, no JSON, or a field is missing or of the wrong kind.
+    /// When it is too long or a text in it is, when it is no JSON, or when a field is missing or of the wrong kind.
     pub fn parse(json: &[u8], limits: &Limits) -> Result<Self, CodecError> {
         limits.check_bytes("JSON", json)?;
+        texts::check(json)?;
         let mut deserializer = serde_json::Deserializer::from_slice(json);
         let message =
             serde_path_to_error::deserialize(&mut deserializer).map_err(|error| match error.path().to_string() {

@@ -325,6 +325,20 @@ const JSON: &[fn() -> Bomb] = &[
     },
     || {
         json(
+            "a text of 120 MB for a number",
+            format!("{{\"info\": \"{}\"}}", "x".repeat(120 << 20)),
+        )
+    },
+    || {
+        json(
+            "a text of 120 MB for a message",
+            format!("\"{}\"", "x".repeat(120 << 20)),
+        )
+    },
+    || json("a name of 120 MB", format!("{{\"{}\": 1}}", "x".repeat(120 << 20))),
+    || message("0.05", "1", "1", &format!("\"\\/{}\"", "A".repeat(120 << 20))),
+    || {
+        json(
             "a name of 32 MB",
             format!("{{\"info\": {{\"resolution\": 1, \"{}\": 1}}}}", "x".repeat(32 << 20)),
         )

@@ -199,28 +199,40 @@ async fn names_are_each_keys_own() {
     assert_eq!(refused.code, ProblemCode::Forbidden);
 }
 
+/// Hangs up at many moments, of which some fall between the name's entry and the answer.
 #[tokio::test]
 async fn a_caller_that_hangs_up_before_its_answer_is_told_it_when_it_comes_again() {
+    const CALLERS: u64 = 100;
+    // an attempt that nobody ends holds its name for a minute
+    const SOON: Duration = Duration::from_secs(30);
     let server = TestServer::start(&["--workers", "0"]);
-    let mut socket = TcpStream::connect(server.address()).await.expect("it listens");
-    let request = "POST /v1/sessions HTTP/1.1\r\nhost: x\r\nidempotency-key: a\r\ncontent-type: application/json\r\n\
-                   content-length: 2\r\n\r\n{}";
-    socket.write_all(request.as_bytes()).await.expect("it reads");
-    drop(socket);
-    let began = std::time::Instant::now();
-    loop {
-        let again = server.post("/v1/sessions").header("idempotency-key", "a");
-        let again = answer(again.header("content-type", "application/json").body("{}")).await;
-        match again.status() {
-            StatusCode::CREATED => break,
-            StatusCode::CONFLICT => assert!(again.headers().contains_key("retry-after")),
-            other => panic!("{other}"),
-        }
-        assert!(began.elapsed() < PATIENCE, "the name stays held");
-        tokio::time::sleep(Duration::from_millis(20)).await;
+    for caller in 0..CALLERS {
+        let mut socket = TcpStream::connect(server.address()).await.expect("it listens");
+        let request = format!(
+            "POST /v1/sessions HTTP/1.1\r\nhost: x\r\nidempotency-key: {caller}\r\ncontent-type: application/json\r\n\
+             content-length: 2\r\n\r\n{{}}"
+        );
+        socket.write_all(request.as_bytes()).await.expect("it reads");
+        // up to 5 ms: a request takes less
+        tokio::time::sleep(Duration::from_micros(50 * caller)).await;
     }
-    let sessions: Page<Session> = server.read("/v1/sessions").await;
-    assert_eq!(sessions.items.len(), 1);
+    let began = std::time::Instant::now();
+    for caller in 0..CALLERS {
+        loop {
+            let again = named(&server, "/v1/sessions", &caller.to_string());
+            let again = answer(again.header("content-type", "application/json").body("{}")).await;
+            match again.status() {
+                StatusCode::CREATED => break,
+                StatusCode::CONFLICT => assert!(again.headers().contains_key("retry-after")),
+                other => panic!("{other}"),
+            }
+            assert!(began.elapsed() < SOON, "the name of caller {caller} stays held");
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    }
+    let sessions: Page<Session> = server.read("/v1/sessions?page_size=200").await;
+    assert_eq!(sessions.items.len() as u64, CALLERS);
+    assert!(sessions.next_page_token.is_none(), "no caller has made two");
 }
 
 #[tokio::test]
