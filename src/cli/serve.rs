@@ -35,6 +35,7 @@ pub(super) struct Serve {
 
 impl Serve {
     pub(super) fn run(self) -> Result<Done, Failure> {
+        give_back_memory();
         let config = self.config;
         telemetry::init(&config.log, config.log_format == LogFormat::Json).bad_input(|| "--log")?;
         block_on(async {
@@ -51,6 +52,25 @@ impl Serve {
         })??;
         telemetry::finish();
         Ok(Done::Entirely)
+    }
+}
+
+/// Has freed memory given back to the system soon, for as long as the process lives.
+///
+/// glibc lets its bounds grow with the blocks that it frees, so that after one large map up to 64 MB stay with the process:
+/// the next large body would come on top of them, beyond the room that is promised. Bounds that are set stay as they are.
+fn give_back_memory() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    for (bound, bytes) in [(libc::M_MMAP_THRESHOLD, 4 << 20), (libc::M_TRIM_THRESHOLD, 8 << 20)] {
+        #[expect(
+            unsafe_code,
+            reason = "sets a number of the allocator's own, under the allocator's own lock"
+        )]
+        // SAFETY: takes two numbers and touches no memory of ours; a bound that it does not take is answered by 0.
+        let taken = unsafe { libc::mallopt(bound, bytes) };
+        if taken == 0 {
+            tracing::debug!(bound, bytes, "the allocator does not take a bound");
+        }
     }
 }
 
