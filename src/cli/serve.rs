@@ -35,9 +35,9 @@ pub(super) struct Serve {
 
 impl Serve {
     pub(super) fn run(self) -> Result<Done, Failure> {
-        give_back_memory();
         let config = self.config;
         telemetry::init(&config.log, config.log_format == LogFormat::Json).bad_input(|| "--log")?;
+        give_back_memory();
         block_on(async {
             let mut interrupted = pin!(interrupted());
             let server = tokio::select! {
