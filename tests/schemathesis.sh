@@ -32,6 +32,8 @@ start() { # start FOLDER OPTION... : a server on a free port; its URL in $url
   local folder=$1
   shift
   mkdir -p "$folder"
+  # made here, not by the server's shell: that one may come later than the first look
+  : >"$folder/out"
   "$binary" serve --listen 127.0.0.1:0 --data "$folder" --key-rate 0 --job-deadline 2s --max-queued 1000000 \
     --max-queued-per-session 1000000 --log warn "$@" >"$folder/out" 2>"$folder/log" &
   server=$!
